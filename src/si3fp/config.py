@@ -1,0 +1,124 @@
+"""Every constant of the method, named, with unit and source.
+
+"paper" is the SI3FP paper; "decision" is a choice of this project (docs/decisions). Constants that
+were chosen while looking at a particular scene say so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class CollectConfig:
+    """S.1: which panoramas are used."""
+
+    min_panoramas: int = 15  # per building; paper: 15-40 per facade, one date where enough
+    max_distance_m: float = 60.0  # decision: farther panoramas resolve windows too coarsely
+    max_pixels: int = 16384 * 8192  # paper: the largest panorama; our decoding limit
+
+
+@dataclass(frozen=True, slots=True)
+class ClusterConfig:
+    """S.2: Algorithm 2 and the robust default."""
+
+    paper_offset_weight: float = 0.01  # per metre; paper, equation 1
+    paper_threshold: float = 1e-5  # paper
+    horizontal_normal: float = 0.5  # |n . up| above this is ground or roof; format
+    angle_deg: float = 10.0  # decision: plane to footprint edge or to cluster
+    offset_m: float = 1.5  # decision: plane to footprint edge (map, GNSS and plane error)
+    cluster_offset_m: float = 0.6  # decision: planes of one wall without footprint
+    gap_m: float = 3.0  # decision: a larger gap splits coplanar walls
+    min_pixels: int = 20  # decision: smaller plane segments are noise
+
+
+@dataclass(frozen=True, slots=True)
+class OrthoConfig:
+    """Algorithms 1 and 3: the common grid of a facade."""
+
+    m_per_px: float = 0.02  # decision; coarser where the images are
+    margin_m: float = 1.0  # decision: beyond the prior box on all sides
+    max_obliqueness_deg: float = 72.0  # decision: viewing angle to the facade normal
+    min_seen: float = 0.05  # decision: share of the facade that a view must cover
+    max_views: int = 40  # paper: 15-40 panoramas per facade
+    band_px: int = 256  # rows resampled at once
+
+
+@dataclass(frozen=True, slots=True)
+class AlignConfig:
+    """S.3: registration of the views of one facade."""
+
+    m_per_px: float = 0.05  # decision
+    best_views: int = 12  # decision: registered all against all
+    ratio: float = 0.8  # Lowe (2004), doi:10.1023/B:VISI.0000029664.99615.94
+    max_features: int = 3000
+    inlier_px: float = 2.0  # at m_per_px
+    min_inliers: int = 12  # decision
+    max_shift_m: float = 1.5  # decision: prior on pose errors; repetitive windows lie farther apart
+
+
+@dataclass(frozen=True, slots=True)
+class FacadeBoxConfig:
+    """S.4: Algorithm 4."""
+
+    m_per_px: float = 0.05  # decision: lines are sought at this resolution
+    angle_deg: float = 10.0  # paper
+    min_length_m: float = 0.5  # decision
+    relevant_views: int = 2  # paper: seen in several views
+    relevant_distance_m: float = 0.15  # decision: one line in several views
+    iterations: int = 2000  # decision; the paper does not say
+    dbscan_eps_m: float = 0.5  # decision
+    edge_sigma_m: float = 0.5  # decision: accuracy of a footprint edge as a prior
+    eaves_sigma_m: float = 1.5  # decision: accuracy of the mapped height as a prior
+
+
+@dataclass(frozen=True, slots=True)
+class FusionConfig:
+    """M.1: Algorithm 6."""
+
+    min_score: float = 0.2  # paper
+    group_iou: float = 0.3  # paper
+    min_views: int = 2  # paper; counted in views, not detections (decision)
+    min_merged_score: float = 0.4  # paper; can never reject after min_score (docs/decisions)
+    min_mean_score: float = 0.0  # mean score over all views that saw the place; 0 = off
+
+
+@dataclass(frozen=True, slots=True)
+class MeasureConfig:
+    """M.1: from boxes to windows in metres."""
+
+    search_m: float = 0.35  # decision: how far an edge may move inwards or outwards
+    assumed_recess_m: float = 0.12  # decision: typical reveal where the depth is unknown
+    correct_recess: bool = True
+    min_size_m: float = 0.25  # decision: smaller boxes are vents and noise
+
+
+@dataclass(frozen=True, slots=True)
+class ThermalConfig:
+    """M.2: the thermal model."""
+
+    country: str = "SE"
+    default_year: int = 1970  # decision: used and reported where the footprint has no year
+    storey_height_m: float = 3.0  # decision: used where storeys are unknown
+    tolerance_m: float = 0.01  # honeybee's model tolerance
+    inset_m: float = 0.02  # decision: least distance of an aperture to the wall's edge
+
+
+@dataclass(frozen=True, slots=True)
+class StreetConfig:
+    """The StreetView path."""
+
+    seed: int = 0
+    collect: CollectConfig = field(default_factory=CollectConfig)
+    cluster: ClusterConfig = field(default_factory=ClusterConfig)
+    ortho: OrthoConfig = field(default_factory=OrthoConfig)
+    align: AlignConfig = field(default_factory=AlignConfig)
+    facade_box: FacadeBoxConfig = field(default_factory=FacadeBoxConfig)
+    fusion: FusionConfig = field(default_factory=FusionConfig)
+    measure: MeasureConfig = field(default_factory=MeasureConfig)
+    thermal: ThermalConfig = field(default_factory=ThermalConfig)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Nested plain values, as written into every JSON of a run."""
+        return asdict(self)

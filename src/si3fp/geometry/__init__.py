@@ -1,0 +1,1 @@
+"""Frames, cameras, planes and grids; numpy only."""

@@ -1,0 +1,1 @@
+"""Training of the window detector: data, augmentation, network, losses, measuring and export."""

@@ -1,0 +1,241 @@
+"""Geometric and photometric augmentation: one warp from the cached picture to the crop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from training.data import IGNORE, NOMINAL_HEIGHT, Facade, bounds, median_height, warp_points
+
+_MIN_SIDE = 6.0
+_MIN_FILL = {0: 0.72, 1: 0.55}
+
+
+@dataclass
+class Sample:
+    """A crop: RGB uint8 (H, W, 3), boxes (N, 4) left, top, right, bottom in its pixels, labels
+    (N,) with IGNORE for areas that must neither attract nor repel detections."""
+
+    image: np.ndarray
+    boxes: np.ndarray
+    labels: np.ndarray
+
+
+def translation(x: float, y: float) -> np.ndarray:
+    """3 x 3 matrix of a shift in pixels."""
+    return np.array([[1, 0, x], [0, 1, y], [0, 0, 1.0]])
+
+
+def scaling(x: float, y: float) -> np.ndarray:
+    """3 x 3 matrix of a scaling about the origin."""
+    return np.diag([x, y, 1.0])
+
+
+def warp_image(
+    facade: Facade, matrix: np.ndarray, size: tuple[int, int], border: int = 0
+) -> np.ndarray:
+    """Picture under a homography of pixel-edge coordinates, (H, W, 3); ``size`` is (W, H).
+
+    The pyramid level is chosen so that the warp shrinks by less than two. Places behind the
+    horizon or outside the picture get the ``border`` value.
+    """
+    width, height = size
+    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], float)
+    inverse = np.linalg.inv(matrix)
+    back = corners @ inverse[:, :2].T + inverse[:, 2]
+    area = float(width * height)
+    if np.all(back[:, 2] > 1e-9):
+        ring = (back[:, :2] / back[:, 2:]).astype(np.float32)
+        area = max(abs(cv2.contourArea(ring)), 1.0)
+    shrink = np.sqrt(area / (width * height))
+    level = int(np.clip(np.floor(np.log2(max(shrink, 1.0)) + 0.35), 0, len(facade.levels) - 1))
+    source = facade.levels[level]
+    ratio_x = facade.levels[0].shape[1] / source.shape[1]
+    ratio_y = facade.levels[0].shape[0] / source.shape[0]
+    full = matrix @ scaling(ratio_x, ratio_y)
+    centred = translation(-0.5, -0.5) @ full @ translation(0.5, 0.5)
+    warped = cv2.warpPerspective(
+        source, centred, (width, height), flags=cv2.INTER_LINEAR, borderValue=(border,) * 3
+    )
+    if np.any(back[:, 2] <= 1e-9):
+        yy, xx = np.mgrid[0:height, 0:width] + 0.5
+        behind = xx * inverse[2, 0] + yy * inverse[2, 1] + inverse[2, 2] <= 1e-9
+        warped[behind] = border
+    return warped
+
+
+def warp_boxes(
+    facade: Facade, matrix: np.ndarray, size: tuple[int, int], upright: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Boxes (N, 4) and labels (N,) of the polygons after the homography, clipped to the crop.
+
+    A polygon with less than 40 % of its box inside, smaller than 6 px, or (``upright``: the crop
+    shows a rectified facade) far from filling its box becomes IGNORE.
+    """
+    boxes, labels = [], []
+    limit = np.array([size[0], size[1], size[0], size[1]], float)
+    for polygon, label in zip(facade.polygons, facade.labels, strict=True):
+        points = warp_points(matrix, polygon)
+        if points is None:
+            continue
+        box = bounds(points)
+        inside = np.clip(box, 0, limit)
+        w, h = inside[2] - inside[0], inside[3] - inside[1]
+        if w < 1 or h < 1:
+            continue
+        area = float((box[2] - box[0]) * (box[3] - box[1]))
+        if label != IGNORE:
+            fill = abs(cv2.contourArea(points.astype(np.float32))) / area
+            skewed = upright and fill < _MIN_FILL[int(label)]
+            if w * h < 0.4 * area or min(w, h) < _MIN_SIDE or skewed:
+                label = IGNORE
+        boxes.append(inside)
+        labels.append(label)
+    return np.array(boxes, float).reshape(-1, 4), np.array(labels, int)
+
+
+def random_crop(facade: Facade, size: int, rng: np.random.Generator) -> Sample:
+    """A random square crop of ``size`` px at a random scale, view and look."""
+    for _ in range(8):
+        placed = _random_matrix(facade, size, rng)
+        if placed is not None:
+            break
+    else:
+        scale = NOMINAL_HEIGHT / max(median_height(facade), 1.0)
+        placed = scaling(scale, scale), False
+    matrix, upright = placed
+    border = 0 if rng.random() < 0.7 else int(rng.integers(0, 256))
+    image = warp_image(facade, matrix, (size, size), border)
+    boxes, labels = warp_boxes(facade, matrix, (size, size), upright)
+    return photometric(Sample(image, boxes, labels), rng)
+
+
+def _random_matrix(
+    facade: Facade, size: int, rng: np.random.Generator
+) -> tuple[np.ndarray, bool] | None:
+    upright = bool(facade.rectifications) and rng.random() < 0.7
+    matrix = np.eye(3)
+    if upright:
+        matrix = facade.rectifications[rng.integers(len(facade.rectifications))]
+    height, width = facade.levels[0].shape[:2]
+    centre = warp_points(matrix, np.array([[width / 2, height / 2]]))
+    middle = np.zeros(2) if centre is None else centre[0]
+    angle = np.radians(rng.uniform(-3, 3) if rng.random() < 0.5 else 0.0)
+    shear = rng.normal(0, 0.02, 2)
+    local = np.array([[np.cos(angle), -np.sin(angle) + shear[0], 0],
+                      [np.sin(angle) + shear[1], np.cos(angle), 0], [0, 0, 1]])
+    if rng.random() < 0.5:
+        tilt = 0.12 if not upright else 0.05
+        local[2, :2] = rng.normal(0, tilt, 2) / max(width, height)
+    stretch = np.exp(rng.uniform(-0.18, 0.18))
+    flip = -1.0 if rng.random() < 0.5 else 1.0
+    view = scaling(flip * stretch, 1.0) @ local @ translation(*-middle) @ matrix
+    unit = median_height(facade, view)
+    if unit <= 0:
+        return None
+    factor = np.exp(rng.uniform(np.log(0.6), np.log(1.8)))
+    scale = NOMINAL_HEIGHT * factor / unit
+    view = scaling(scale, scale) @ view
+    polygons = [p for p, label in zip(facade.polygons, facade.labels, strict=True) if label == 0]
+    anchor = warp_points(view, polygons[rng.integers(len(polygons))])
+    if anchor is None:
+        return None
+    box = bounds(anchor)
+    if not 8 < box[3] - box[1] < 3.5 * NOMINAL_HEIGHT * factor:
+        return None
+    target = rng.uniform(0.1, 0.9, 2) * size
+    view = translation(*(target - (box[:2] + box[2:]) / 2)) @ view
+    return view, upright
+
+
+def photometric(sample: Sample, rng: np.random.Generator) -> Sample:
+    """Random light, colour, blur, noise, compression, seams and missing regions."""
+    image = sample.image
+    if rng.random() < 0.35:
+        image = _blur(image, rng)
+    look = image.astype(np.float32)
+    if rng.random() < 0.15:
+        look[:] = look.mean(axis=2, keepdims=True)
+    elif rng.random() < 0.5:
+        grey = look.mean(axis=2, keepdims=True)
+        look = grey + (look - grey) * rng.uniform(0.2, 1.4)
+    if rng.random() < 0.7:
+        gain = rng.uniform(0.6, 1.5) * np.exp(rng.normal(0, 0.07, 3))
+        mean = look.mean()
+        look = (look - mean) * rng.uniform(0.6, 1.4) + mean
+        look = look * gain + rng.uniform(-20, 20)
+    if rng.random() < 0.4:
+        look = 255 * (np.clip(look, 0, 255) / 255) ** np.exp(rng.uniform(-0.6, 0.6))
+    if rng.random() < 0.2:
+        ramp = np.linspace(rng.uniform(0.5, 1.3), rng.uniform(0.5, 1.3), look.shape[1])
+        look *= ramp[None, :, None] if rng.random() < 0.5 else ramp[:, None, None]
+    if rng.random() < 0.3:
+        look += rng.standard_normal(look.shape, np.float32) * rng.uniform(1, 12)
+    image = np.clip(look, 0, 255).astype(np.uint8)
+    if rng.random() < 0.15:
+        image = _seam(image, rng)
+    if rng.random() < 0.3:
+        quality = int(rng.integers(25, 90))
+        packed = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
+        image = cv2.imdecode(packed, cv2.IMREAD_COLOR)
+    image, labels = _holes(image, sample.boxes, sample.labels, rng)
+    return Sample(np.ascontiguousarray(image), sample.boxes, labels)
+
+
+def _blur(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    kind = rng.random()
+    height, width = image.shape[:2]
+    if kind < 0.5:
+        factor = rng.uniform(0.35, 0.9)
+        small = cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
+        return cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR)
+    if kind < 0.8:
+        return cv2.GaussianBlur(image, (0, 0), rng.uniform(0.4, 1.6))
+    length = int(rng.integers(3, 8))
+    kernel = np.zeros((length, length), np.float32)
+    end = (length - 1, int(rng.integers(0, length)))
+    cv2.line(kernel, (0, length - 1 - end[1]), end, 1.0)
+    return cv2.filter2D(image, -1, kernel / kernel.sum())
+
+
+def _seam(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    size = image.shape[1]
+    cut = int(rng.integers(size // 5, 4 * size // 5))
+    shift = int(rng.integers(-2, 3))
+    part = np.roll(image, shift, axis=0)[:, cut:].astype(np.float32) * rng.uniform(0.8, 1.25)
+    image = image.copy()
+    image[:, cut:] = np.clip(part, 0, 255).astype(np.uint8)
+    return image if rng.random() < 0.7 else image[:, ::1]
+
+
+def _holes(
+    image: np.ndarray, boxes: np.ndarray, labels: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Missing regions; a box more than half hidden becomes IGNORE."""
+    size = image.shape[0]
+    hidden = np.zeros(image.shape[:2], np.uint8)
+    if rng.random() < 0.15:
+        side = int(rng.integers(4))
+        depth = rng.uniform(0.03, 0.35, 2) * size
+        ring = np.array([[0, 0], [size, 0], [size, depth[0]], [0, depth[1]]], np.int32)
+        cv2.fillPoly(hidden, [ring], 1)
+        hidden = np.ascontiguousarray(np.rot90(hidden, side))
+    if rng.random() < 0.2:
+        for _ in range(int(rng.integers(1, 4))):
+            centre = rng.uniform(0, size, 2)
+            ring = centre + rng.uniform(-0.12, 0.12, (int(rng.integers(3, 7)), 2)) * size
+            cv2.fillPoly(hidden, [cv2.convexHull(ring.astype(np.int32))], 1)
+    if not hidden.any():
+        return image, labels
+    value = 0 if rng.random() < 0.7 else int(rng.integers(0, 256))
+    image = image.copy()
+    image[hidden > 0] = value
+    labels = labels.copy()
+    for k, box in enumerate(boxes):
+        left, top, right, bottom = np.round(box).astype(int)
+        patch = hidden[top:bottom, left:right]
+        if patch.size and patch.mean() > 0.5:
+            labels[k] = IGNORE
+    return image, labels

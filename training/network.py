@@ -1,0 +1,100 @@
+"""The detector: a small residual backbone, a feature pyramid to stride 4 and two heads."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor, nn
+
+STRIDE = 4
+
+
+def conv(inputs: int, outputs: int, kernel: int = 3, stride: int = 1) -> nn.Sequential:
+    """Convolution, batch normalisation, ReLU."""
+    return nn.Sequential(
+        nn.Conv2d(inputs, outputs, kernel, stride, kernel // 2, bias=False),
+        nn.BatchNorm2d(outputs),
+        nn.ReLU(inplace=True),
+    )
+
+
+class Residual(nn.Module):
+    """Two 3 x 3 convolutions with a shortcut; same shape in and out."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.first = conv(channels, channels)
+        self.second = nn.Sequential(
+            nn.Conv2d(channels, channels, 3, 1, 1, bias=False), nn.BatchNorm2d(channels)
+        )
+        nn.init.zeros_(self.second[1].weight)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return torch.relu(x + self.second(self.first(x)))
+
+
+class Detector(nn.Module):
+    """Images (N, 3, H, W), RGB 0..255, H and W multiples of 32, to logits and distances.
+
+    Out come ``logits`` (N, 2, H/4, W/4) and ``distances`` (N, 4, H/4, W/4): left, top, right,
+    bottom in pixels from the centre of the cell, x = 4 (column + 0.5), y = 4 (row + 0.5).
+    """
+
+    def __init__(
+        self,
+        widths: tuple[int, ...] = (40, 80, 144, 208),
+        blocks: tuple[int, ...] = (1, 2, 3, 2),
+        neck: int = 64,
+        classes: int = 2,
+    ) -> None:
+        super().__init__()
+        self.stem = conv(3, 24, 3, 2)
+        stages, before = [], 24
+        for width, count in zip(widths, blocks, strict=True):
+            stages.append(
+                nn.Sequential(conv(before, width, 3, 2), *(Residual(width) for _ in range(count)))
+            )
+            before = width
+        self.stages = nn.ModuleList(stages)
+        self.laterals = nn.ModuleList(conv(width, neck, 1) for width in widths)
+        self.smooth = nn.ModuleList(conv(neck, neck) for _ in widths[:-1])
+        self.score_tower = conv(neck, neck)
+        self.side_tower = conv(neck, neck)
+        self.score = nn.Conv2d(neck, classes, 3, 1, 1)
+        self.side = nn.Conv2d(neck, 4, 3, 1, 1)
+        nn.init.normal_(self.score.weight, std=0.01)
+        nn.init.constant_(self.score.bias, -math.log((1 - 0.02) / 0.02))
+        nn.init.normal_(self.side.weight, std=0.01)
+        nn.init.constant_(self.side.bias, math.log(15.0 / 8.0))
+
+    def forward(self, image: Tensor) -> tuple[Tensor, Tensor]:
+        x = self.stem((image - 118.0) / 60.0)
+        features = []
+        for stage in self.stages:
+            x = stage(x)
+            features.append(x)
+        top = self.laterals[-1](features[-1])
+        for k in range(len(features) - 2, -1, -1):
+            top = nn.functional.interpolate(top, scale_factor=2.0, mode="nearest")
+            top = self.smooth[k](top + self.laterals[k](features[k]))
+        logits = self.score(self.score_tower(top))
+        distances = 8.0 * torch.exp(self.side(self.side_tower(top)).clamp(-4.0, 4.5))
+        return logits, distances
+
+
+class Exported(nn.Module):
+    """The detector with the scores after the sigmoid, as it is exported."""
+
+    def __init__(self, detector: Detector) -> None:
+        super().__init__()
+        self.detector = detector
+
+    def forward(self, image: Tensor) -> tuple[Tensor, Tensor]:
+        logits, distances = self.detector(image)
+        return torch.sigmoid(logits), distances
+
+
+def parameter_count(model: nn.Module) -> int:
+    """Number of trainable numbers."""
+    return sum(p.numel() for p in model.parameters())
