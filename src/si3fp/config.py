@@ -26,11 +26,23 @@ class ClusterConfig:
     paper_offset_weight: float = 0.01  # per metre; paper, equation 1
     paper_threshold: float = 1e-5  # paper
     horizontal_normal: float = 0.5  # |n . up| above this is ground or roof; format
-    angle_deg: float = 10.0  # decision: plane to footprint edge or to cluster
+    min_pixels: int = 20  # decision: smaller plane segments are noise
+    max_distance_m: float = 60.0  # decision: farther wall points and cameras do not count
+    max_obliqueness_deg: float = 72.0  # decision: as for the views; panoramas without plane map
+    angle_deg: float = 10.0  # decision: plane to footprint edge
     offset_m: float = 1.5  # decision: plane to footprint edge (map, GNSS and plane error)
+    cluster_angle_deg: float = 4.0  # decision: planes of one wall without footprint
     cluster_offset_m: float = 0.6  # decision: planes of one wall without footprint
     gap_m: float = 3.0  # decision: a larger gap splits coplanar walls
-    min_pixels: int = 20  # decision: smaller plane segments are noise
+    member_offset_sigma_m: float = 0.2  # decision: plane at the camera's foot (pose and plane)
+    member_bearing_sigma_deg: float = 0.5  # decision: plane bearing (pose and plane)
+    edge_offset_sigma_m: float = 0.5  # decision: footprint edge as a whole
+    edge_corner_sigma_m: float = 0.2  # decision: its corners against each other
+    min_agreeing: int = 3  # decision: panoramas that must agree before the edge is moved
+    min_width_m: float = 1.0  # decision: shorter footprint edges are no facades
+    default_height_m: float = 9.0  # decision: eaves where neither footprint nor planes tell
+    camera_height_m: float = 2.5  # decision: above ground, where nothing tells the ground
+    cloud_points: int = 600_000  # decision: coloured points of a run, 15 bytes each
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,10 +64,15 @@ class AlignConfig:
     m_per_px: float = 0.05  # decision
     best_views: int = 12  # decision: registered all against all
     ratio: float = 0.8  # Lowe (2004), doi:10.1023/B:VISI.0000029664.99615.94
-    max_features: int = 3000
+    max_features: int = 2000
     inlier_px: float = 2.0  # at m_per_px
     min_inliers: int = 12  # decision
     max_shift_m: float = 1.5  # decision: prior on pose errors; repetitive windows lie farther apart
+    match_sigma_m: float = 0.03  # decision: accuracy of a SIFT match at m_per_px
+    position_sigma_m: float = 0.15  # decision: GNSS error of one panorama
+    direction_sigma_deg: float = 0.3  # decision: orientation error of one panorama
+    prior_linear: float = 0.02  # decision: rotation (0.5 degrees) and scale error of one view
+    prior_perspective_per_m: float = 0.001  # decision: 0.5 degrees at 10 m
 
 
 @dataclass(frozen=True, slots=True)

@@ -232,3 +232,13 @@ def view_weight(panorama: Panorama, grid: FacadeGrid) -> NDArray[np.float32]:
     square = x[None, :] ** 2 + y[:, None] ** 2 + camera[2] ** 2
     weight: NDArray[np.float32] = (max(camera[2], 0.0) / square**1.5).astype(np.float32)
     return weight
+
+
+def pose_sigma_m(
+    panorama: Panorama, grid: FacadeGrid, position_sigma_m: float, direction_sigma_deg: float
+) -> float:
+    """How far a pose error moves the view at the middle of the facade, standard deviation in m."""
+    middle = np.array([grid.width_px / 2, grid.height_px / 2])
+    distance_m, cosine = view_distances(panorama, grid, middle)
+    turn_m = distance_m * np.deg2rad(direction_sigma_deg)
+    return float(np.hypot(position_sigma_m, turn_m) / max(float(cosine), 0.1))
