@@ -96,8 +96,10 @@ def warp_boxes(
     return np.array(boxes, float).reshape(-1, 4), np.array(labels, int)
 
 
-def random_crop(facade: Facade, size: int, rng: np.random.Generator) -> Sample:
-    """A random square crop of ``size`` px at a random scale, view and look."""
+def random_crop(
+    facade: Facade, size: tuple[int, int], rng: np.random.Generator
+) -> Sample:
+    """A random crop of ``size`` (W, H) px at a random scale and view, colours as they are."""
     for _ in range(8):
         placed = _random_matrix(facade, size, rng)
         if placed is not None:
@@ -107,13 +109,13 @@ def random_crop(facade: Facade, size: int, rng: np.random.Generator) -> Sample:
         placed = scaling(scale, scale), False
     matrix, upright = placed
     border = 0 if rng.random() < 0.7 else int(rng.integers(0, 256))
-    image = warp_image(facade, matrix, (size, size), border)
-    boxes, labels = warp_boxes(facade, matrix, (size, size), upright)
-    return photometric(Sample(image, boxes, labels), rng)
+    image = warp_image(facade, matrix, size, border)
+    boxes, labels = warp_boxes(facade, matrix, size, upright)
+    return Sample(image, boxes, labels)
 
 
 def _random_matrix(
-    facade: Facade, size: int, rng: np.random.Generator
+    facade: Facade, size: tuple[int, int], rng: np.random.Generator
 ) -> tuple[np.ndarray, bool] | None:
     upright = bool(facade.rectifications) and rng.random() < 0.7
     matrix = np.eye(3)
@@ -145,9 +147,32 @@ def _random_matrix(
     box = bounds(anchor)
     if not 8 < box[3] - box[1] < 3.5 * NOMINAL_HEIGHT * factor:
         return None
-    target = rng.uniform(0.1, 0.9, 2) * size
-    view = translation(*(target - (box[:2] + box[2:]) / 2)) @ view
-    return view, upright
+    corner = (box[:2] + box[2:]) / 2 - rng.uniform(0.1, 0.9, 2) * size
+    if rng.random() < 0.85:
+        low, high = _content(facade, view)
+        room = high - low - size
+        held = np.clip(corner, low, low + np.maximum(room, 0))
+        loose = low + np.minimum(room, 0) * rng.random(2)
+        corner = np.where(room > 0, held, loose)
+    return translation(*-corner) @ view, upright
+
+
+def _content(facade: Facade, view: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper corner (2,) of what is worth seeing: the picture near its windows."""
+    height, width = facade.levels[0].shape[:2]
+    points = [
+        p
+        for polygon, label in zip(facade.polygons, facade.labels, strict=True)
+        if label == 0 and (p := warp_points(view, polygon)) is not None
+    ]
+    box = bounds(np.concatenate(points))
+    margin = 2.0 * float(np.median([np.ptp(p[:, 1]) for p in points]))
+    low, high = box[:2] - margin, box[2:] + margin
+    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], float)
+    frame = warp_points(view, corners)
+    if frame is not None:
+        low, high = np.maximum(low, frame.min(axis=0)), np.minimum(high, frame.max(axis=0))
+    return low, high
 
 
 def photometric(sample: Sample, rng: np.random.Generator) -> Sample:
@@ -169,8 +194,9 @@ def photometric(sample: Sample, rng: np.random.Generator) -> Sample:
     if rng.random() < 0.4:
         look = 255 * (np.clip(look, 0, 255) / 255) ** np.exp(rng.uniform(-0.6, 0.6))
     if rng.random() < 0.2:
-        ramp = np.linspace(rng.uniform(0.5, 1.3), rng.uniform(0.5, 1.3), look.shape[1])
-        look *= ramp[None, :, None] if rng.random() < 0.5 else ramp[:, None, None]
+        axis = int(rng.integers(2))
+        ramp = np.linspace(rng.uniform(0.5, 1.3), rng.uniform(0.5, 1.3), look.shape[axis])
+        look *= np.expand_dims(ramp.astype(np.float32), (1 - axis, 2))
     if rng.random() < 0.3:
         look += rng.standard_normal(look.shape, np.float32) * rng.uniform(1, 12)
     image = np.clip(look, 0, 255).astype(np.uint8)
@@ -207,25 +233,25 @@ def _seam(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     part = np.roll(image, shift, axis=0)[:, cut:].astype(np.float32) * rng.uniform(0.8, 1.25)
     image = image.copy()
     image[:, cut:] = np.clip(part, 0, 255).astype(np.uint8)
-    return image if rng.random() < 0.7 else image[:, ::1]
+    return image
 
 
 def _holes(
     image: np.ndarray, boxes: np.ndarray, labels: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Missing regions; a box more than half hidden becomes IGNORE."""
-    size = image.shape[0]
-    hidden = np.zeros(image.shape[:2], np.uint8)
+    height, width = image.shape[:2]
+    hidden = np.zeros((height, width), np.uint8)
     if rng.random() < 0.15:
-        side = int(rng.integers(4))
-        depth = rng.uniform(0.03, 0.35, 2) * size
-        ring = np.array([[0, 0], [size, 0], [size, depth[0]], [0, depth[1]]], np.int32)
-        cv2.fillPoly(hidden, [ring], 1)
-        hidden = np.ascontiguousarray(np.rot90(hidden, side))
+        depth = rng.uniform(0.03, 0.35, 2)
+        ring = np.array([[0, 0], [1, 0], [1, depth[0]], [0, depth[1]]])
+        ring = ring[:, ::-1] if rng.random() < 0.5 else ring
+        ring = 1 - ring if rng.random() < 0.5 else ring
+        cv2.fillPoly(hidden, [(ring * (width, height)).astype(np.int32)], 1)
     if rng.random() < 0.2:
         for _ in range(int(rng.integers(1, 4))):
-            centre = rng.uniform(0, size, 2)
-            ring = centre + rng.uniform(-0.12, 0.12, (int(rng.integers(3, 7)), 2)) * size
+            centre = rng.uniform(0, 1, 2) * (width, height)
+            ring = centre + rng.uniform(-0.12, 0.12, (int(rng.integers(3, 7)), 2)) * width
             cv2.fillPoly(hidden, [cv2.convexHull(ring.astype(np.int32))], 1)
     if not hidden.any():
         return image, labels

@@ -43,8 +43,8 @@ class Detector(nn.Module):
 
     def __init__(
         self,
-        widths: tuple[int, ...] = (40, 80, 144, 208),
-        blocks: tuple[int, ...] = (1, 2, 3, 2),
+        widths: tuple[int, ...] = (48, 80, 144, 200),
+        blocks: tuple[int, ...] = (2, 3, 3, 2),
         neck: int = 64,
         classes: int = 2,
     ) -> None:
@@ -59,8 +59,8 @@ class Detector(nn.Module):
         self.stages = nn.ModuleList(stages)
         self.laterals = nn.ModuleList(conv(width, neck, 1) for width in widths)
         self.smooth = nn.ModuleList(conv(neck, neck) for _ in widths[:-1])
-        self.score_tower = conv(neck, neck)
-        self.side_tower = conv(neck, neck)
+        self.score_tower = nn.Sequential(conv(neck, neck), conv(neck, neck))
+        self.side_tower = nn.Sequential(conv(neck, neck), conv(neck, neck))
         self.score = nn.Conv2d(neck, classes, 3, 1, 1)
         self.side = nn.Conv2d(neck, 4, 3, 1, 1)
         nn.init.normal_(self.score.weight, std=0.01)
@@ -78,8 +78,8 @@ class Detector(nn.Module):
         for k in range(len(features) - 2, -1, -1):
             top = nn.functional.interpolate(top, scale_factor=2.0, mode="nearest")
             top = self.smooth[k](top + self.laterals[k](features[k]))
-        logits = self.score(self.score_tower(top))
-        distances = 8.0 * torch.exp(self.side(self.side_tower(top)).clamp(-4.0, 4.5))
+        logits = self.score(self.score_tower(top)).float()
+        distances = 8.0 * torch.exp(self.side(self.side_tower(top)).float().clamp(-4.0, 4.5))
         return logits, distances
 
 

@@ -1,0 +1,195 @@
+"""Precision, recall and overlap of a detector on the validation list or on cmp-facades."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from training.augment import Sample, scaling, translation, warp_boxes, warp_image
+from training.data import (
+    IGNORE,
+    LABELS,
+    NOMINAL_HEIGHT,
+    WINDOW,
+    Facade,
+    bounds,
+    data_folder,
+    median_height,
+    read_set,
+    read_validation,
+    warp_points,
+)
+from training.targets import decode, iou
+
+Predict = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""RGB uint8 (H, W, 3) to scores (2, H/4, W/4) and distances (4, H/4, W/4)."""
+_LOWEST = 0.05
+_LARGEST = 1024
+
+
+def views(facade: Facade) -> list[tuple[str, Sample]]:
+    """(set name, sample) of a picture as it is and, where possible, rectified.
+
+    The scale makes the true median window 35 px high, which the runtime reaches by its metres per
+    pixel instead. Sides are multiples of 32, at most 1024 px.
+    """
+    short = facade.source.removesuffix("-facades")
+    found = []
+    height, width = facade.levels[0].shape[:2]
+    scale = NOMINAL_HEIGHT / median_height(facade)
+    matrix = scaling(scale, scale)
+    corners = np.array([[0, 0], [width * scale, height * scale]])
+    found.append((short, _view(facade, matrix, corners, upright=False)))
+    for rectification in facade.rectifications[:1]:
+        unit = median_height(facade, rectification)
+        scale = NOMINAL_HEIGHT / unit
+        matrix = scaling(scale, scale) @ rectification
+        points = [
+            p
+            for polygon, label in zip(facade.polygons, facade.labels, strict=True)
+            if label == WINDOW and (p := warp_points(matrix, polygon)) is not None
+        ]
+        upright = [p for p in points if _fills(p)]
+        if len(upright) < 4:
+            continue
+        box = bounds(np.concatenate(upright)) + 2 * NOMINAL_HEIGHT * np.array([-1, -1, 1, 1])
+        found.append((f"{short}-rectified", _view(facade, matrix, box.reshape(2, 2), True)))
+    return found
+
+
+def _fills(points: np.ndarray) -> bool:
+    x, y = points[:, 0], points[:, 1]
+    area = 0.5 * abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1)))
+    return area > 0.72 * np.ptp(x) * np.ptp(y)
+
+
+def _view(facade: Facade, matrix: np.ndarray, corners: np.ndarray, upright: bool) -> Sample:
+    extent = np.minimum(corners[1] - corners[0], _LARGEST)
+    size = tuple(int(np.ceil(e / 32)) * 32 for e in extent)
+    moved = translation(*-corners[0]) @ matrix
+    image = warp_image(facade, moved, size)
+    boxes, labels = warp_boxes(facade, moved, size, upright)
+    return Sample(image, boxes, labels)
+
+
+def all_views(facades: list[Facade]) -> list[tuple[str, tuple[int, ...], Sample]]:
+    """(set name, labelled classes, sample) of every view of every picture."""
+    return [(name, f.classes, sample) for f in facades for name, sample in views(f)]
+
+
+def _match(
+    boxes: np.ndarray, truth: np.ndarray, ignored: np.ndarray, limit: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Outcome per box, best first: 1 hit, 0 false, -1 ignored; and the overlap of the hits."""
+    outcome, overlap = np.zeros(len(boxes), int), np.zeros(len(boxes))
+    table = iou(boxes, truth) if len(truth) else np.zeros((len(boxes), 0))
+    free = np.ones(len(truth), bool)
+    for k in range(len(boxes)):
+        row = np.where(free, table[k], -1.0)
+        if row.size and row.max() >= limit:
+            best = int(row.argmax())
+            free[best] = False
+            outcome[k], overlap[k] = 1, table[k, best]
+        elif len(ignored):
+            low = np.maximum(boxes[k, :2], ignored[:, :2])
+            high = np.minimum(boxes[k, 2:], ignored[:, 2:])
+            common = np.clip(high - low, 0, None).prod(axis=1)
+            if common.max() > 0.5 * (boxes[k, 2:] - boxes[k, :2]).prod():
+                outcome[k] = -1
+    return outcome, overlap
+
+
+def evaluate(predict: Predict, seen: list[tuple[str, tuple[int, ...], Sample]]) -> dict:
+    """Per "set/class" (and "all/class"): n, ap50, f1_50, f1_75, threshold, mean_iou, ...
+
+    The threshold is the one of the best F1 at IoU 0.5 for that entry; ``rows`` are curves.
+    """
+    groups: dict[str, dict[float, list]] = {}
+    counts: dict[str, int] = {}
+    for name, classes, sample in seen:
+        scores, distances = predict(sample.image)
+        boxes, values, kinds = decode(scores, distances, _LOWEST)
+        size = sample.image.shape[1], sample.image.shape[0]
+        boxes = np.clip(boxes, 0, np.array([*size, *size]))
+        ignored = sample.boxes[sample.labels == IGNORE]
+        for k in classes:
+            truth = sample.boxes[sample.labels == k]
+            for key in (f"{name}/{LABELS[k]}", f"all/{LABELS[k]}"):
+                counts[key] = counts.get(key, 0) + len(truth)
+                for limit in (0.5, 0.75):
+                    outcome, overlap = _match(boxes[kinds == k], truth, ignored, limit)
+                    block = np.stack([values[kinds == k], outcome, overlap], axis=1)
+                    groups.setdefault(key, {}).setdefault(limit, []).append(block)
+    return {
+        key: _summary(np.concatenate(group[0.5]), np.concatenate(group[0.75]), counts[key])
+        for key, group in groups.items()
+    }
+
+
+def curve(block: np.ndarray, truths: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Scores, precision and recall, best score first; ``block`` has score, outcome, overlap."""
+    block = block[block[:, 1] >= 0]
+    block = block[np.argsort(-block[:, 0], kind="stable")]
+    hits = np.cumsum(block[:, 1])
+    precision = hits / np.arange(1, len(block) + 1)
+    return block[:, 0], precision, hits / max(truths, 1)
+
+
+def _f1(precision: np.ndarray, recall: np.ndarray) -> np.ndarray:
+    return 2 * precision * recall / np.maximum(precision + recall, 1e-9)
+
+
+def _summary(at50: np.ndarray, at75: np.ndarray, truths: int) -> dict[str, float]:
+    scores, precision, recall = curve(at50, truths)
+    if not len(scores) or not truths:
+        return {"n": truths, "ap50": 0.0, "f1_50": 0.0, "f1_75": 0.0, "mean_iou": 0.0,
+                "precision": 0.0, "recall": 0.0, "threshold": 0.5}
+    f1 = _f1(precision, recall)
+    best = int(f1.argmax())
+    threshold = float(scores[best])
+    envelope = np.maximum.accumulate(precision[::-1])[::-1]
+    steps = np.diff(np.concatenate([[0.0], recall]))
+    tight_scores, tight_precision, tight_recall = curve(at75, truths)
+    chosen = int((tight_scores >= threshold).sum()) - 1
+    tight = float(_f1(tight_precision, tight_recall)[chosen]) if chosen >= 0 else 0.0
+    hits = (at50[:, 1] == 1) & (at50[:, 0] >= threshold)
+    result = {"n": truths, "ap50": float((envelope * steps).sum()), "f1_50": float(f1[best]),
+              "f1_75": tight, "mean_iou": float(at50[hits, 2].mean()) if hits.any() else 0.0,
+              "precision": float(precision[best]), "recall": float(recall[best]),
+              "threshold": threshold}
+    return {k: round(v, 4) for k, v in result.items()}
+
+
+def onnx_predictor(path: Path) -> Predict:
+    """Predictor of an exported model on the processor."""
+    import onnxruntime
+
+    session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
+
+    def predict(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        batch = image.transpose(2, 0, 1)[None].astype(np.float32)
+        scores, distances = session.run(["scores", "distances"], {"image": batch})
+        return scores[0], distances[0]
+
+    return predict
+
+
+def main() -> None:
+    """Print the metrics of an exported model as JSON."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--model", type=Path, required=True)
+    parser.add_argument("--data", help="data folder (default: SI3FP_TEST_DATA)")
+    parser.add_argument("--set", choices=["validation", "cmp"], default="validation")
+    options = parser.parse_args()
+    folder = data_folder(options.data)
+    cmp = options.set == "cmp"
+    facades = read_set(folder, "cmp-facades") if cmp else read_validation(folder)
+    print(json.dumps(evaluate(onnx_predictor(options.model), all_views(facades)), indent=1))
+
+
+if __name__ == "__main__":
+    main()
