@@ -1,0 +1,217 @@
+"""Panorama images: size from the header, pixels in the full 2:1 frame, and what they do not show.
+
+The header is checked before anything is decoded, then OpenCV decodes once: half the memory and
+time of Pillow at 16384 x 8192.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL.JpegImagePlugin import JpegImageFile
+from PIL.PngImagePlugin import PngImageFile
+
+from si3fp.errors import InputError
+from si3fp.model import Image
+from si3fp.sources.photo_sphere import PanoramaFrame, gpano_properties, panorama_frame
+
+NOT_SEEN_LEVEL = 8
+"""Pixels with no channel above this are near-black."""
+
+NOT_SEEN_MARGIN_PX = 8
+"""Not seen regions grow by this much: JPEG ringing at their edge."""
+
+_XMP_HEADER = b"http://ns.adobe.com/xap/1.0/\x00"
+_EXIF_IFD, _GPS_IFD, _DATE_TIME_ORIGINAL = 0x8769, 0x8825, 0x9003
+_END_OF_IMAGE = b"\xff\xd9"
+_BAND_PX = 512
+
+
+@dataclass(frozen=True, slots=True)
+class ImageHeader:
+    """What a JPEG or PNG says about itself before it is decoded.
+
+    Attributes
+    ----------
+    width_px, height_px
+        Size as stored; the EXIF orientation is ignored, as for every panorama.
+    gpano
+        Photo Sphere properties; empty where there are none.
+    gps
+        EXIF GPS directory; empty where there is none.
+    taken
+        EXIF DateTimeOriginal or "".
+    pixels_offset
+        Position in the file behind the header.
+    """
+
+    width_px: int
+    height_px: int
+    gpano: Mapping[str, str]
+    gps: Mapping[int, Any]
+    taken: str
+    pixels_offset: int
+
+
+def read_header(path: Path) -> ImageHeader:
+    """Size and metadata of a JPEG or PNG file, without decoding it.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, empty, of another format, or its header is damaged.
+    """
+    try:
+        with path.open("rb") as stream:
+            # The plug-ins are called directly: `PIL.Image.open` tries every format it knows and
+            # has a pixel limit of its own, between ours and half of it.
+            magic = stream.read(8)
+            stream.seek(0)
+            if magic.startswith(b"\xff\xd8\xff"):
+                image: JpegImageFile | PngImageFile = JpegImageFile(stream)
+            elif magic == b"\x89PNG\r\n\x1a\n":
+                image = PngImageFile(stream)
+            else:
+                what = "is empty" if not magic else "is neither a JPEG nor a PNG image"
+                raise InputError(f"{path} {what}. Copy or export the image again.")
+            offset = stream.tell()
+            gpano: Mapping[str, str] = {}
+            if isinstance(image, JpegImageFile):
+                packets = [data for _, data in image.applist if data.startswith(_XMP_HEADER)]
+                gpano = gpano_properties(b"".join(packets).decode("utf-8", errors="replace"))
+            exif = image.getexif()
+            taken = exif.get_ifd(_EXIF_IFD).get(_DATE_TIME_ORIGINAL, "")
+            gps = dict(exif.get_ifd(_GPS_IFD))
+            return ImageHeader(*image.size, gpano, gps, str(taken).strip("\x00 "), offset)
+    except FileNotFoundError as error:
+        raise InputError(f"There is no image {path}. Correct its path or copy the file.") from error
+    except InputError:
+        raise
+    except (OSError, SyntaxError, ValueError, EOFError, IndexError, KeyError, TypeError) as error:
+        raise InputError(
+            f"{path}: the image header is damaged ({error}). Copy or export the image again."
+        ) from error
+
+
+def frame_of(header: ImageHeader, path: Path, max_pixels: int) -> PanoramaFrame:
+    """The full frame of a panorama, checked against the size that fits into memory.
+
+    Raises
+    ------
+    InputError
+        If the image is not a 2:1 panorama or a tagged crop of one, or has too many pixels.
+    """
+    frame = panorama_frame(header.gpano, header.width_px, header.height_px, str(path))
+    if frame.full_width_px * frame.full_height_px > max_pixels:
+        raise InputError(
+            f"{path}: a panorama of {frame.full_width_px} x {frame.full_height_px} px is beyond "
+            f"the limit of {max_pixels:,} pixels (16384 x 8192 by default). Scale it down."
+        )
+    return frame
+
+
+def image_size(path: Path, max_pixels: int) -> tuple[int, int]:
+    """Width and height in pixels of a panorama's full 2:1 frame, from its header.
+
+    Raises
+    ------
+    InputError
+        As `read_header` and `frame_of`.
+    """
+    frame = frame_of(read_header(path), path, max_pixels)
+    return frame.full_width_px, frame.full_height_px
+
+
+def load_panorama(path: Path, max_pixels: int) -> Image:
+    """RGB pixels (H, W, 3) uint8 of the full 2:1 frame, black where a crop shows nothing.
+
+    Grey, 16 bit and palette images become 8 bit RGB, transparent pixels black.
+
+    Parameters
+    ----------
+    path
+        JPEG or PNG.
+    max_pixels
+        Limit on W x H, checked before anything is decoded.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, empty, no image, truncated, not 2:1 or too large.
+    """
+    header = read_header(path)
+    frame = frame_of(header, path, max_pixels)
+    pixels = _decode(path, header)
+    height, width = pixels.shape[:2]
+    if (width, height) == (frame.full_width_px, frame.full_height_px):
+        return pixels
+    full = np.zeros((frame.full_height_px, frame.full_width_px, 3), np.uint8)
+    rows = slice(frame.top_px, frame.top_px + height)
+    full[rows, frame.left_px : frame.left_px + width] = pixels
+    return full
+
+
+def seen_pixels(image: Image) -> NDArray[np.bool_]:
+    """(H, W) bool, False where a panorama shows nothing.
+
+    Not seen are 4-connected near-black regions (no channel above 8) that touch the image border,
+    grown by a square of 8 px; dark glass inside the picture is seen. Exact at full resolution.
+    """
+    dark = cv2.inRange(image, np.zeros(3), np.full(3, float(NOT_SEEN_LEVEL)))
+    # A frame of one dark pixel joins all regions that touch the border: one flood finds them.
+    flooded = cv2.copyMakeBorder(dark, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=255)
+    cv2.floodFill(flooded, None, (0, 0), 1, flags=4)
+    outside = (flooded[1:-1, 1:-1] == 1).view(np.uint8)
+    side = 2 * NOT_SEEN_MARGIN_PX + 1
+    grown = np.asarray(cv2.dilate(outside, np.ones((side, side), np.uint8)), np.uint8)
+    return grown == 0
+
+
+def _decode(path: Path, header: ImageHeader) -> Image:
+    """RGB pixels as stored; decoders fill what is missing with grey, so that is checked first."""
+    damaged = InputError(
+        f"{path}: the image is truncated or damaged and cannot be decoded. "
+        "Copy or export it again, or remove it from the list."
+    )
+    try:
+        content = path.read_bytes()
+        is_jpeg = content.startswith(b"\xff\xd8")
+        # An embedded thumbnail has an end of its own, but inside the header.
+        if is_jpeg and content.rfind(_END_OF_IMAGE, header.pixels_offset) < 0:
+            raise damaged
+        if not is_jpeg:
+            with path.open("rb") as stream:
+                PngImageFile(stream).verify()
+    except (OSError, SyntaxError, ValueError) as error:
+        raise damaged from error
+    encoded = np.frombuffer(content, np.uint8)
+    # Orientation tags do not apply to panoramas; only PNG can be transparent.
+    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION if is_jpeg else cv2.IMREAD_UNCHANGED
+    try:
+        pixels = cv2.imdecode(encoded, flags)
+    except cv2.error as error:
+        raise damaged from error
+    if pixels is None or pixels.shape[:2] != (header.height_px, header.width_px):
+        raise damaged
+    return _rgb8(pixels)
+
+
+def _rgb8(pixels: NDArray[Any]) -> Image:
+    """RGB uint8 of OpenCV's grey, BGR or BGRA pixels of 8 or 16 bit; in place where possible."""
+    if pixels.dtype == np.uint16:
+        pixels = (pixels >> 8).astype(np.uint8)
+    if pixels.ndim == 2:
+        return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_GRAY2RGB), np.uint8)
+    if pixels.shape[2] == 4:
+        pixels[pixels[..., 3] == 0] = 0
+        return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGRA2RGB), np.uint8)
+    for top in range(0, len(pixels), _BAND_PX):
+        band = pixels[top : top + _BAND_PX]
+        band[:] = cv2.cvtColor(band, cv2.COLOR_BGR2RGB)
+    return np.asarray(pixels, np.uint8)
