@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -32,20 +33,23 @@ def export_onnx(detector: Detector, path: Path) -> None:
     model = Exported(detector).eval().to(memory_format=torch.contiguous_format)
     path.parent.mkdir(parents=True, exist_ok=True)
     grid = {0: "batch", 2: "rows", 3: "columns"}
-    torch.onnx.export(
-        model,
-        (torch.zeros(1, 3, 96, 128),),
-        str(path),
-        opset_version=OPSET,
-        dynamo=False,
-        input_names=["image"],
-        output_names=["scores", "distances"],
-        dynamic_axes={
-            "image": {0: "batch", 2: "height", 3: "width"},
-            "scores": grid,
-            "distances": grid,
-        },
-    )
+    with warnings.catch_warnings():
+        # The TorchScript exporter keeps three free axes without constraints; it is deprecated.
+        warnings.simplefilter("ignore")
+        torch.onnx.export(
+            model,
+            (torch.zeros(1, 3, 96, 128),),
+            str(path),
+            opset_version=OPSET,
+            dynamo=False,
+            input_names=["image"],
+            output_names=["scores", "distances"],
+            dynamic_axes={
+                "image": {0: "batch", 2: "height", 3: "width"},
+                "scores": grid,
+                "distances": grid,
+            },
+        )
 
 
 def largest_error(detector: Detector, path: Path) -> dict[str, float]:

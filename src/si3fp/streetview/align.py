@@ -26,6 +26,7 @@ from si3fp.model import FacadeViews, OrthoImage
 MotionModel = Literal["translation", "similarity", "homography"]
 MODELS: tuple[MotionModel, ...] = ("translation", "similarity", "homography")
 ROBUST_ROUNDS = 10
+GAUGE_WEIGHT = 1e6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -333,12 +334,18 @@ def _solve(
     slot = {view: slice(k * size, (k + 1) * size) for k, view in enumerate(priors)}
     motions = {view: np.zeros(size) for view in priors}
     sigmas = np.concatenate(list(priors.values()))
+    precision = np.diag(sigmas**-2.0)
+    if not fixed:
+        # Matches cannot tell a motion that all views share, and shrinking them all would even
+        # shrink the residuals: hold the mean motion, weighted by the priors, at zero.
+        mean = np.concatenate([np.diag(sigma**-2.0) for sigma in priors.values()], axis=1)
+        precision += GAUGE_WEIGHT * mean.T @ np.diag(1 / mean.sum(axis=1)) @ mean
     cost = np.inf
     for _ in range(ROBUST_ROUNDS):
         state = np.concatenate(list(motions.values()))
-        normal = np.diag(sigmas**-2.0)
-        gradient = state / sigmas**2
-        cost = float(np.sum((state / sigmas) ** 2))
+        normal = precision.copy()
+        gradient = precision @ state
+        cost = float(state @ gradient)
         for pair in pairs:
             ends = ((pair.first, pair.points_first, 1.0), (pair.second, pair.points_second, -1.0))
             places = [_moved(p, motions[v] if v in motions else fixed[v]) for v, p, _ in ends]
