@@ -1,0 +1,5 @@
+"""A small synthetic street with known windows: rendered panoramas, noisy poses, plane maps."""
+
+from tests.scenes.street import PanoramaPose, Street, make_street
+
+__all__ = ["PanoramaPose", "Street", "make_street"]
