@@ -76,7 +76,8 @@ def warp_boxes(
     """
     boxes, labels = [], []
     limit = np.array([size[0], size[1], size[0], size[1]], float)
-    for polygon, label in zip(facade.polygons, facade.labels, strict=True):
+    for polygon, original in zip(facade.polygons, facade.labels, strict=True):
+        label = original
         points = warp_points(matrix, polygon)
         if points is None:
             continue
@@ -96,9 +97,7 @@ def warp_boxes(
     return np.array(boxes, float).reshape(-1, 4), np.array(labels, int)
 
 
-def random_crop(
-    facade: Facade, size: tuple[int, int], rng: np.random.Generator
-) -> Sample:
+def random_crop(facade: Facade, size: tuple[int, int], rng: np.random.Generator) -> Sample:
     """A random crop of ``size`` (W, H) px at a random scale and view, colours as they are."""
     for _ in range(8):
         placed = _random_matrix(facade, size, rng)
@@ -126,8 +125,13 @@ def _random_matrix(
     middle = np.zeros(2) if centre is None else centre[0]
     angle = np.radians(rng.uniform(-3, 3) if rng.random() < 0.5 else 0.0)
     shear = rng.normal(0, 0.02, 2)
-    local = np.array([[np.cos(angle), -np.sin(angle) + shear[0], 0],
-                      [np.sin(angle) + shear[1], np.cos(angle), 0], [0, 0, 1]])
+    local = np.array(
+        [
+            [np.cos(angle), -np.sin(angle) + shear[0], 0],
+            [np.sin(angle) + shear[1], np.cos(angle), 0],
+            [0, 0, 1],
+        ]
+    )
     if rng.random() < 0.5:
         tilt = 0.12 if not upright else 0.05
         local[2, :2] = rng.normal(0, tilt, 2) / max(width, height)

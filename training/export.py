@@ -9,6 +9,7 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+import onnxruntime
 import torch
 
 from training.data import LABELS, data_folder, read_validation
@@ -54,8 +55,6 @@ def export_onnx(detector: Detector, path: Path) -> None:
 
 def largest_error(detector: Detector, path: Path) -> dict[str, float]:
     """Largest difference between ONNX and torch: scores (0..1) and distances (px)."""
-    import onnxruntime
-
     session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
     model = Exported(detector).eval()
     errors = {"scores": 0.0, "distances": 0.0}

@@ -37,9 +37,7 @@ def side_loss(distances: Tensor, sides: Tensor, weight: Tensor) -> tuple[Tensor,
     area_want = (want[:, 0] + want[:, 2]) * (want[:, 1] + want[:, 3])
     union = area_got + area_want - common
     giou = common / union - (hull - union) / hull
-    extent = torch.stack(
-        [want[:, 0] + want[:, 2], want[:, 1] + want[:, 3]], dim=1
-    ).repeat(1, 2)
+    extent = torch.stack([want[:, 0] + want[:, 2], want[:, 1] + want[:, 3]], dim=1).repeat(1, 2)
     relative = ((got - want).abs() / extent).clamp(max=2.0).mean(dim=1)
     total = scale.sum()
     return ((1 - giou) * scale).sum() / total, (relative * scale).sum() / total

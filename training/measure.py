@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import onnxruntime
 
 from training.augment import Sample, scaling, translation, warp_boxes, warp_image
 from training.data import (
@@ -146,8 +147,16 @@ def _f1(precision: np.ndarray, recall: np.ndarray) -> np.ndarray:
 def _summary(at50: np.ndarray, at75: np.ndarray, truths: int) -> dict[str, float]:
     scores, precision, recall = curve(at50, truths)
     if not len(scores) or not truths:
-        return {"n": truths, "ap50": 0.0, "f1_50": 0.0, "f1_75": 0.0, "mean_iou": 0.0,
-                "precision": 0.0, "recall": 0.0, "threshold": 0.5}
+        return {
+            "n": truths,
+            "ap50": 0.0,
+            "f1_50": 0.0,
+            "f1_75": 0.0,
+            "mean_iou": 0.0,
+            "precision": 0.0,
+            "recall": 0.0,
+            "threshold": 0.5,
+        }
     f1 = _f1(precision, recall)
     best = int(f1.argmax())
     threshold = float(scores[best])
@@ -157,17 +166,21 @@ def _summary(at50: np.ndarray, at75: np.ndarray, truths: int) -> dict[str, float
     chosen = int((tight_scores >= threshold).sum()) - 1
     tight = float(_f1(tight_precision, tight_recall)[chosen]) if chosen >= 0 else 0.0
     hits = (at50[:, 1] == 1) & (at50[:, 0] >= threshold)
-    result = {"n": truths, "ap50": float((envelope * steps).sum()), "f1_50": float(f1[best]),
-              "f1_75": tight, "mean_iou": float(at50[hits, 2].mean()) if hits.any() else 0.0,
-              "precision": float(precision[best]), "recall": float(recall[best]),
-              "threshold": threshold}
+    result = {
+        "n": truths,
+        "ap50": float((envelope * steps).sum()),
+        "f1_50": float(f1[best]),
+        "f1_75": tight,
+        "mean_iou": float(at50[hits, 2].mean()) if hits.any() else 0.0,
+        "precision": float(precision[best]),
+        "recall": float(recall[best]),
+        "threshold": threshold,
+    }
     return {k: round(v, 4) for k, v in result.items()}
 
 
 def onnx_predictor(path: Path) -> Predict:
     """Predictor of an exported model on the processor."""
-    import onnxruntime
-
     session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
 
     def predict(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

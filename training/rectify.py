@@ -73,8 +73,9 @@ def _vanishing_points(quads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         lines = np.vstack([_lines(q[:, a], q[:, b]) for a, b in sides])
         lengths = np.concatenate([np.linalg.norm(q[:, a] - q[:, b], axis=1) for a, b in sides])
         v = np.linalg.svd(lines * lengths[:, None])[2][-1]
-        points.append(np.array([v[0] * scale + origin[0] * v[2], v[1] * scale + origin[1] * v[2],
-                                v[2]]))
+        points.append(
+            np.array([v[0] * scale + origin[0] * v[2], v[1] * scale + origin[1] * v[2], v[2]])
+        )
     return points[0], points[1]
 
 
@@ -111,8 +112,13 @@ def _homography(
     focal, centre = float(shape[1]), np.array([shape[1], shape[0]]) / 2
     rays = []
     for point in vanishing:
-        ray = np.array([(point[0] - centre[0] * point[2]) / focal,
-                        (point[1] - centre[1] * point[2]) / focal, point[2]])
+        ray = np.array(
+            [
+                (point[0] - centre[0] * point[2]) / focal,
+                (point[1] - centre[1] * point[2]) / focal,
+                point[2],
+            ]
+        )
         rays.append(ray / np.linalg.norm(ray))
     at = np.append((origin - centre) / focal, 1.0)
     speed = [np.linalg.norm(ray[:2] - at[:2] * ray[2]) for ray in rays]

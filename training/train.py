@@ -50,8 +50,7 @@ def step_losses(
         negative = torch.where(doubtful, 0.0, negative)
     centre = centre_loss(logits, batch["heat"], weight, negative)
     giou, side = side_loss(distances, batch["sides"], batch["side_weight"])
-    return {"total": centre + 2.0 * giou + 2.0 * side, "centre": centre, "giou": giou,
-            "side": side}
+    return {"total": centre + 2.0 * giou + 2.0 * side, "centre": centre, "giou": giou, "side": side}
 
 
 def predictor(model: Detector) -> Predict:
@@ -107,6 +106,92 @@ def share_gradients(model: Detector, elapsed: float) -> float:
     return float(flat[-1])
 
 
+class Run:
+    """State of a training run in one process: networks, optimiser and the position in time."""
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        self.out: Path = options.out
+        self.model = Detector().to(memory_format=torch.channels_last)
+        self.mean = Detector().to(memory_format=torch.channels_last).eval()
+        self.mean.load_state_dict(self.model.state_dict())
+        decayed = [p for p in self.model.parameters() if p.ndim > 1]
+        plain = [p for p in self.model.parameters() if p.ndim <= 1]
+        groups = [
+            {"params": decayed, "weight_decay": 0.03},
+            {"params": plain, "weight_decay": 0.0},
+        ]
+        self.optimiser = torch.optim.AdamW(groups, lr=options.rate)
+        self.step, self.elapsed = 0, 0.0
+        if options.resume and (self.out / _CHECKPOINT).exists():
+            state = torch.load(self.out / _CHECKPOINT, weights_only=True)
+            self.model.load_state_dict(state["model"])
+            self.mean.load_state_dict(state["mean"])
+            self.optimiser.load_state_dict(state["optimiser"])
+            self.step, self.elapsed = state["step"], state["elapsed"]
+
+    def save(self) -> None:
+        """Write the checkpoint and the averaged weights."""
+        state = {
+            "model": self.model.state_dict(),
+            "mean": self.mean.state_dict(),
+            "optimiser": self.optimiser.state_dict(),
+            "step": self.step,
+            "elapsed": self.elapsed,
+        }
+        _save(self.out / _CHECKPOINT, state)
+        _save(self.out / _AVERAGE, self.mean.state_dict())
+
+    def advance(
+        self, batch: dict[str, torch.Tensor], budget: float, peak: float, start: float
+    ) -> dict[str, float]:
+        """One step at the rate due now; ``start`` is the clock at zero elapsed seconds."""
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate(self.elapsed / budget, peak)
+        self.model.train()
+        losses = step_losses(self.model, batch, self.elapsed / budget)
+        self.optimiser.zero_grad(set_to_none=True)
+        losses["total"].backward()
+        self.elapsed = share_gradients(self.model, time.monotonic() - start)
+        norm = torch.nn.utils.clip_grad_norm_(self.model.parameters(), 5.0)
+        if torch.isfinite(norm):
+            self.optimiser.step()
+            average(self.mean, self.model, self.step)
+        self.step += 1
+        return {name: float(value.detach()) for name, value in losses.items()}
+
+
+class Diary:
+    """What the first process writes: losses, checkpoints and validation metrics."""
+
+    def __init__(self, run: Run, options: argparse.Namespace, folder: Path) -> None:
+        self.run, self.options = run, options
+        self.views = all_views(read_validation(folder))
+        self.sums: dict[str, float] = {}
+        self.count = 0
+        self.logged = self.saved = self.measured = run.elapsed
+
+    def note(self, losses: dict[str, float], done: bool) -> None:
+        """Add the losses of a step and write what is due."""
+        run, elapsed = self.run, self.run.elapsed
+        self.count += 1
+        for name, value in losses.items():
+            self.sums[name] = self.sums.get(name, 0.0) + value
+        stamp = {"minutes": round(elapsed / 60, 2), "step": run.step}
+        if done or elapsed - self.logged > 30:
+            row = {name: round(value / self.count, 4) for name, value in self.sums.items()}
+            _append(run.out / _LOSSES, {**stamp, **row})
+            print(f"{elapsed / 60:.1f} min, step {run.step}, {row}", flush=True)
+            self.sums, self.count, self.logged = {}, 0, elapsed
+        if done or elapsed - self.saved > self.options.save_minutes * 60:
+            run.save()
+            self.saved = elapsed
+        if done or elapsed - self.measured > self.options.measure_minutes * 60:
+            for key, result in evaluate(predictor(run.mean), self.views).items():
+                _append(run.out / _METRICS, {**stamp, "set": key, **result})
+                print(key, result, flush=True)
+            self.measured = elapsed
+
+
 def train(rank: int, options: argparse.Namespace) -> None:
     """Run until the budget is spent; ``average.pt`` holds the weights to export.
 
@@ -116,79 +201,30 @@ def train(rank: int, options: argparse.Namespace) -> None:
     cv2.setNumThreads(0)  # its threads do not survive the fork of the loader
     torch.set_num_threads(1)
     torch.manual_seed(options.seed)
-    meeting = f"tcp://127.0.0.1:{options.port}"
-    wait = timedelta(minutes=30)
     dist.init_process_group(
-        "gloo", init_method=meeting, timeout=wait, world_size=options.processes, rank=rank
+        "gloo",
+        init_method=f"tcp://127.0.0.1:{options.port}",
+        timeout=timedelta(minutes=30),
+        world_size=options.processes,
+        rank=rank,
     )
-    first = rank == 0
-    out: Path = options.out
-    out.mkdir(parents=True, exist_ok=True)
+    options.out.mkdir(parents=True, exist_ok=True)
     folder = data_folder(options.data)
     facades = read_training(folder)
-    seen = all_views(read_validation(folder)) if first else []
-    print(f"{len(facades)} training pictures, {len(seen)} validation views", flush=True)
-    model = Detector().to(memory_format=torch.channels_last)
-    mean = Detector().to(memory_format=torch.channels_last).eval()
-    mean.load_state_dict(model.state_dict())
-    decayed = [p for p in model.parameters() if p.ndim > 1]
-    plain = [p for p in model.parameters() if p.ndim <= 1]
-    optimiser = torch.optim.AdamW(
-        [{"params": decayed, "weight_decay": 0.03}, {"params": plain, "weight_decay": 0.0}],
-        lr=options.rate,
-    )
-    step, before = 0, 0.0
-    if options.resume and (out / _CHECKPOINT).exists():
-        state = torch.load(out / _CHECKPOINT, weights_only=True)
-        model.load_state_dict(state["model"])
-        mean.load_state_dict(state["mean"])
-        optimiser.load_state_dict(state["optimiser"])
-        step, before = state["step"], state["elapsed"]
-    seed = options.seed + 1000 * step + 100 * rank
-    part = options.batch // options.processes
-    stream = iter(batches(facades, options.size, part, seed))
+    run = Run(options)
+    diary = Diary(run, options, folder) if rank == 0 else None
+    seed = options.seed + 1000 * run.step + 100 * rank
+    stream = batches(facades, options.size, options.batch // options.processes, seed)
     dist.barrier()
-    start, budget = time.monotonic(), options.minutes * 60
-    saved = measured = logged = before
-    sums: dict[str, float] = {}
-    count = 0
-    elapsed = before
-    while True:
-        done = elapsed >= budget
-        if first and count and (done or elapsed - logged > 30):
-            row = {name: round(value / count, 4) for name, value in sums.items()}
-            _append(out / _LOSSES, {"minutes": round(elapsed / 60, 2), "step": step, **row})
-            print(f"{elapsed / 60:.1f} min, step {step}, {row}", flush=True)
-            sums, count, logged = {}, 0, elapsed
-        if first and (done or elapsed - saved > options.save_minutes * 60):
-            state = {"model": model.state_dict(), "mean": mean.state_dict(), "step": step,
-                     "optimiser": optimiser.state_dict(), "elapsed": elapsed}
-            _save(out / _CHECKPOINT, state)
-            _save(out / _AVERAGE, mean.state_dict())
-            saved = elapsed
-        if first and (done or elapsed - measured > options.measure_minutes * 60):
-            for key, result in evaluate(predictor(mean), seen).items():
-                row = {"minutes": round(elapsed / 60, 2), "step": step, "set": key, **result}
-                _append(out / _METRICS, row)
-                print(key, result, flush=True)
-            measured = elapsed
+    start, budget = time.monotonic() - run.elapsed, options.minutes * 60
+    for batch in stream:
+        losses = run.advance(batch, budget, options.rate, start)
+        done = run.elapsed >= budget
+        if diary:
+            diary.note(losses, done)
         if done:
-            dist.destroy_process_group()
             break
-        for group in optimiser.param_groups:
-            group["lr"] = rate(elapsed / budget, options.rate)
-        model.train()
-        losses = step_losses(model, next(stream), elapsed / budget)
-        optimiser.zero_grad(set_to_none=True)
-        losses["total"].backward()
-        elapsed = share_gradients(model, before + time.monotonic() - start)
-        norm = torch.nn.utils.clip_grad_norm_(model.parameters(), 5.0)
-        if torch.isfinite(norm):
-            optimiser.step()
-            average(mean, model, step)
-        step, count = step + 1, count + 1
-        for name, value in losses.items():
-            sums[name] = sums.get(name, 0.0) + float(value.detach())
+    dist.destroy_process_group()
 
 
 def main() -> None:
