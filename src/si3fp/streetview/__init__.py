@@ -1,0 +1,1 @@
+"""Path S: street panoramas to registered views of each facade."""
