@@ -47,7 +47,7 @@ def plan(
     walls: Sequence[WallLine],
     cameras: Sequence[CameraPoint],
     width_px: int = 1040,
-    max_height_px: int = 560,
+    max_height_px: int = 460,
 ) -> Markup | None:
     """The run seen from above, north up, with a scale bar; None where there is nothing to draw.
 
@@ -228,4 +228,46 @@ def month_bars(monthly_kwh: Sequence[float], width_px: int = 560, height_px: int
         role="img",
         aria_label="Heating demand per month",
         class_="bars",
+    )
+
+
+def residual_lines(
+    views: Sequence[tuple[str, float, float]], width_px: int = 560, row_px: int = 19
+) -> Markup:
+    """One line per view from its residual before to the one after registration, in pixels."""
+    left, top, right = 150.0, 8.0, width_px - 16.0
+    bottom = top + row_px * len(views)
+    most = max([max(before, after) for _, before, after in views] + [0.1])
+    step = nice_below(most / 3)
+    ceiling = step * int(np.ceil(most / step - 1e-9))
+
+    def across(value: float) -> float:
+        return round(left + (right - left) * value / ceiling, 1)
+
+    marks: list[Markup] = []
+    for level in range(round(ceiling / step) + 1):
+        x = across(level * step)
+        marks.append(tag("line", x1=x, x2=x, y1=top, y2=bottom, stroke="#e1e5ea"))
+        marks.append(_text(x, bottom + 15, number(level * step, 0 if step >= 1 else 1)))
+    marks.append(_text(left - 10, bottom + 15, "pixels", "end"))
+    for index, (name, before, after) in enumerate(views):
+        y = round(top + row_px * (index + 0.5), 1)
+        short = name if len(name) <= 20 else f"{name[:8]}…{name[-10:]}"
+        start, end = across(before), across(after)
+        colour = STATUS_COLOURS["found"]
+        marks += [
+            _text(left - 10, y + 4, short, "end"),
+            tag("line", x1=start, x2=end, y1=y, y2=y, stroke="#b8c0cc", stroke_width=2),
+            tag(
+                "circle", cx=start, cy=y, r=3.6, fill="#ffffff", stroke="#8b94a3", stroke_width=1.4
+            ),
+            tag("circle", cx=end, cy=y, r=4, fill=colour),
+        ]
+    return tag(
+        "svg",
+        *marks,
+        viewBox=f"0 0 {width_px} {round(bottom + 22)}",
+        role="img",
+        aria_label="Residuals before and after registration",
+        class_="residuals",
     )

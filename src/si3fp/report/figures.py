@@ -90,10 +90,12 @@ def overlay(
             f"{len(labels)} labels, {len(scores)} scores."
         )
     colours = [box_colour(label, origin) for label, origin in zip(labels, names, strict=True)]
-    canvas = rgb.copy()
-    thickness = max(1, round(rgb.shape[1] / 900))
+    thickness = max(1, round(rgb.shape[1] / 700))
+    halo = rgb.copy()
+    for box in boxes:
+        _frame(halo, box, (255, 255, 255), thickness + 2)
+    canvas: Image = np.asarray(cv2.addWeighted(rgb, 0.5, halo, 0.5, 0.0), dtype=np.uint8)
     for box, colour in zip(boxes, colours, strict=True):
-        _frame(canvas, box, (255, 255, 255), thickness + 2)
         _frame(canvas, box, colour, thickness)
     if not len(boxes):
         return canvas

@@ -8,7 +8,8 @@ facade
     LineString, the foot of the facade from left to right seen from outside. Facades that were not
     found are there too (``found`` false, with step and reason), along their footprint edge.
 window
-    Point at the centre of the window, on the wall plane.
+    Point at the centre of the window, on the wall plane. Its id is the ``window_id`` of the
+    thermal model.
 
 Every position has three coordinates: longitude, latitude and the height in metres in the datum of
 the run's origin.
@@ -150,8 +151,8 @@ def _facade_and_windows(
     return [
         line,
         *(
-            _window(f"{facade.id}/{index}", window, facade, building_id, origin)
-            for index, window in enumerate(facade.windows, start=1)
+            _window(f"{facade.id}-w{index}", window, facade, building_id, origin)
+            for index, window in enumerate(facade.windows)
         ),
     ]
 

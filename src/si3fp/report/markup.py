@@ -142,8 +142,18 @@ def fitted(image: Image, max_width_px: int, max_height_px: int = 100_000) -> Ima
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
-def picture(image: Image, alternative: str, *, lossless: bool = False, quality: int = 86) -> Markup:
-    """An ``img`` with the RGB pixels inside it, as JPEG or (``lossless``) PNG."""
+def picture(
+    image: Image,
+    alternative: str,
+    *,
+    lossless: bool = False,
+    quality: int = 86,
+    shown_height_px: int | None = None,
+) -> Markup:
+    """An ``img`` with the RGB pixels inside it, as JPEG or (``lossless``) PNG.
+
+    It fills the width of the page, but is shown at most ``shown_height_px`` high.
+    """
     stream = io.BytesIO()
     pixels = PIL.Image.fromarray(image)
     if lossless:
@@ -152,11 +162,14 @@ def picture(image: Image, alternative: str, *, lossless: bool = False, quality: 
         # Full chroma resolution: thin coloured lines stay sharp.
         pixels.save(stream, "JPEG", quality=quality, subsampling=0, optimize=True)
     kind = "png" if lossless else "jpeg"
+    height_px, width_px = image.shape[:2]
+    limit = f"max-width:{width_px * shown_height_px / height_px:.0f}px" if shown_height_px else None
     data = base64.b64encode(stream.getvalue()).decode("ascii")
     return tag(
         "img",
         src=f"data:image/{kind};base64,{data}",
         alt=alternative,
-        width=image.shape[1],
-        height=image.shape[0],
+        width=width_px,
+        height=height_px,
+        style=limit,
     )

@@ -1,0 +1,185 @@
+"""The part of the report on one building: totals, facades, thermal archetype and simulation."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+
+from si3fp.report.drawings import STATUS_COLOURS, Status, month_bars
+from si3fp.report.facade_part import facts, wwr_cell
+from si3fp.report.markup import (
+    Markup,
+    bullets,
+    is_number,
+    joined,
+    number,
+    percent,
+    percent_interval,
+    table,
+    tag,
+)
+from si3fp.report.records import BuildingRecords, Record, record, status_of, texts
+from si3fp.report.totals import (
+    counts_by_label,
+    faces,
+    gross_area_m2,
+    views_of,
+    windows_area_m2,
+    wwr_of_building,
+)
+from si3fp.workspace import safe_name
+
+UNITS = {
+    "_kwh_m2": "kWh/m²",
+    "_w_m2k": "W/(m²K)",
+    "_w_m2": "W/m²",
+    "_m2": "m²",
+    "_kwh": "kWh",
+    "_deg": "°",
+    "_m": "m",
+}
+
+
+def building_part(building: BuildingRecords, simulation: Record) -> Markup:
+    """The section of one building without its facades."""
+    if not building.id:
+        return joined([tag("h2", "Walls without a building"), _facade_table(building)])
+    known = {**building.footprint, **building.building}
+    return joined(
+        [
+            tag("h2", f"Building {building.id}", id=f"building-{safe_name(building.id)}"),
+            _facts(building, known),
+            bullets(texts(known.get("notes")), class_="notes"),
+            _facade_table(building),
+            tag("div", _archetype(known), _simulation(building, simulation), class_="pair"),
+        ]
+    )
+
+
+def _facts(building: BuildingRecords, known: Record) -> Markup:
+    interval = percent_interval(known.get("wwr_interval"))
+    found, total = len(building.facades), len(building.facades) + len(building.missing)
+    pairs: list[tuple[str, Any]] = [
+        ("Window-to-wall ratio", joined([
+            percent(wwr_of_building(building.facades, building.building)),
+            tag("small", f" (90 % interval {interval})") if interval else None])),
+        ("Facades found", f"{found} of {total}"),
+        ("Facade area found", number(sum(gross_area_m2(f) or 0.0 for f in building.facades), 1, "m²")),
+        ("Area of openings", number(sum(map(windows_area_m2, building.facades)), 1, "m²")),
+        ("Openings", counts_by_label(list(building.facades))),
+        ("Ground to eaves", number(known.get("height_m"), 1, "m")),
+        ("Storeys", number(known.get("storeys"), 0)),
+        ("Built", str(known.get("year") or "unknown")),
+    ]  # fmt: skip
+    return facts(pairs)
+
+
+def _status(status: Status) -> Markup:
+    return joined([tag("span", class_="dot", style=f"background:{STATUS_COLOURS[status]}"), status])
+
+
+def _facade_table(building: BuildingRecords) -> Markup | None:
+    rows = [list(row) for row in _facade_rows(building)]
+    if not rows:
+        return tag("p", "No facade of this building is in the run.", class_="soft")
+    classes: list[str | None] = [None] * len(rows)
+    if len(building.facades) > 1:
+        gross = [gross_area_m2(facade) or 0.0 for facade in building.facades]
+        rows.insert(
+            len(building.facades),
+            [
+                "Facades found", "", "", "", number(sum(gross), 1),
+                number(sum(map(windows_area_m2, building.facades)), 1),
+                percent(wwr_of_building(building.facades)),
+                sum(len(facade["windows"]) for facade in building.facades), "", "",
+            ],
+        )  # fmt: skip
+        classes.insert(len(building.facades), "total")
+    head = ["Facade", "Status", "Looks", "Width × height m", "Area m²", "Windows m²", "WWR",
+            "Openings", "Views", "Seen"]  # fmt: skip
+    return table(head, rows, words=(0, 1, 2), row_classes=classes)
+
+
+def _facade_rows(building: BuildingRecords) -> Iterator[Sequence[Any]]:
+    for facade in building.facades:
+        used, dropped = views_of(facade)
+        yield (
+            tag("a", str(facade["id"]), href=f"#facade-{safe_name(str(facade['id']))}"),
+            _status("found"),
+            faces(facade).removeprefix("faces "),
+            f"{number(facade.get('width_m'), 1)} × {number(facade.get('height_m'), 1)}",
+            number(gross_area_m2(facade), 1),
+            number(windows_area_m2(facade), 1),
+            wwr_cell(facade),
+            len(facade["windows"]),
+            f"{len(used)} of {len(used) + len(dropped)}",
+            percent(record(facade.get("coverage")).get("seen"), 0),
+        )
+    for missing in building.missing:
+        yield (missing.get("facade_id", ""), _status(status_of(missing)), *[""] * 8)
+
+
+def _archetype(known: Record) -> Markup | None:
+    archetype = record(known.get("archetype"))
+    rows = list(_named_values(archetype))
+    notes = texts(archetype.get("notes"))
+    if not rows and not notes:
+        return None
+    return tag(
+        "div",
+        tag("h4", "Thermal archetype"),
+        table(["Property", "Value"], rows) if rows else None,
+        bullets(notes, class_="soft"),
+    )
+
+
+def _named_values(values: Record, prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Names in words and values with units of a record, nested ones with their parent's name."""
+    for key, value in values.items():
+        suffix = next((suffix for suffix in UNITS if key.endswith(suffix)), "")
+        words = f"{prefix} {key.removesuffix(suffix).replace('_', ' ')}".strip()
+        name = re.sub(r"^u( value)? ", "U-value ", re.sub(r"^g( value)? ", "g-value ", words))
+        name = name[:1].upper() + name[1:] if not name.startswith("g-") else name
+        if key == "period" and isinstance(value, list) and len(value) == 2:
+            yield "Construction period", _period(*value)
+        elif isinstance(value, dict):
+            yield from _named_values(value, words)
+        elif isinstance(value, float):
+            yield name, number(value, 2, UNITS.get(suffix, ""))
+        elif isinstance(value, bool):
+            yield name, "yes" if value else "no"
+        elif isinstance(value, int | str):
+            yield name, f"{value} {UNITS.get(suffix, '')}".strip()
+
+
+def _period(first: Any, last: Any) -> str:
+    """``1961–1975``; TABULA's 0 and 9999 are open ends."""
+    if first == 0:
+        return f"until {last}"
+    return f"since {first}" if last == 9999 else f"{first}–{last}"
+
+
+def _simulation(building: BuildingRecords, simulation: Record) -> Markup | None:
+    result = building.simulation
+    if not result:
+        return None
+    monthly = result.get("monthly_kwh")
+    drawable = isinstance(monthly, list) and len(monthly) == 12 and all(map(is_number, monthly))
+    weather = simulation.get("epw")
+    return tag(
+        "div",
+        tag("h4", "Heating demand, simulated with EnergyPlus"),
+        facts(
+            [
+                ("Per year", number(result.get("heating_kwh"), 0, "kWh")),
+                ("Per m² of floor", number(result.get("heating_kwh_m2"), 1, "kWh/m²")),
+                ("Floor area", number(result.get("floor_area_m2"), 0, "m²")),
+            ]
+        ),
+        month_bars(np.asarray(monthly, dtype=float).tolist()) if drawable else None,
+        tag("p", f"Weather: {PurePath(str(weather)).name}", class_="soft") if weather else None,
+    )
