@@ -63,12 +63,13 @@ def building_part(building: BuildingRecords, simulation: Record) -> Markup:
 def _facts(building: BuildingRecords, known: Record) -> Markup:
     interval = percent_interval(known.get("wwr_interval"))
     found, total = len(building.facades), len(building.facades) + len(building.missing)
+    areas_m2 = [gross_area_m2(facade) or 0.0 for facade in building.facades]
     pairs: list[tuple[str, Any]] = [
         ("Window-to-wall ratio", joined([
             percent(wwr_of_building(building.facades, building.building)),
             tag("small", f" (90 % interval {interval})") if interval else None])),
         ("Facades found", f"{found} of {total}"),
-        ("Facade area found", number(sum(gross_area_m2(f) or 0.0 for f in building.facades), 1, "m²")),
+        ("Facade area found", number(sum(areas_m2), 1, "m²")),
         ("Area of openings", number(sum(map(windows_area_m2, building.facades)), 1, "m²")),
         ("Openings", counts_by_label(list(building.facades))),
         ("Ground to eaves", number(known.get("height_m"), 1, "m")),

@@ -20,6 +20,7 @@ from si3fp.report.map_layer import footprint_edge
 from si3fp.report.markup import (
     Markup,
     bullets,
+    counted,
     folded,
     joined,
     number,
