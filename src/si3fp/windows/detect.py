@@ -1,0 +1,207 @@
+"""M.1: window detection on one orthographic image, at a fixed metric resolution, in tiles.
+
+An orthographic image knows its scale, so every window comes to the network at the size that it
+was trained on, however long the facade is.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from importlib import resources
+from pathlib import Path
+from typing import Any, Protocol
+
+import cv2
+import numpy as np
+import onnxruntime
+from numpy.typing import NDArray
+
+from si3fp.errors import InputError
+from si3fp.geometry.rigid import FloatArray
+from si3fp.model import Detections, Image, OrthoImage
+
+STRIDE_PX = 4
+TILE_PX = 640
+OVERLAP_PX = 160
+NMS_IOU = 0.5
+LOWEST_SCORE = 0.05
+
+
+class WindowDetector(Protocol):
+    """Anything that finds windows on an orthographic image of known scale."""
+
+    @property
+    def score_threshold(self) -> float:
+        """Recommended threshold where one image stands alone."""
+        ...
+
+    def detect(self, image: OrthoImage, m_per_px: float) -> Detections:
+        """Boxes in pixels of the image, scores from `LOWEST_SCORE` upwards."""
+        ...
+
+
+class OnnxDetector:
+    """An anchor-free network run by ONNX Runtime.
+
+    Input ``image`` (N, 3, H, W) RGB 0..255; outputs ``scores`` (N, L, H/4, W/4) and
+    ``distances`` (N, 4, H/4, W/4) from the cell's centre to left, top, right and bottom in pixels.
+
+    Parameters
+    ----------
+    path
+        The ONNX file; a JSON of the same name beside it holds sha256, scale, labels, threshold.
+        Without a path, the weights that ship with the package.
+
+    Raises
+    ------
+    InputError
+        If a file is missing, is damaged, or does not match its sha256.
+    """
+
+    def __init__(self, path: Path | None = None) -> None:
+        onnx = path or Path(str(resources.files("si3fp.windows") / "weights" / "detector.onnx"))
+        card = onnx.with_suffix(".json")
+        try:
+            weights = onnx.read_bytes()
+            described: dict[str, Any] = json.loads(card.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"The window detector needs {onnx} and {card.name} beside it: {error}."
+            ) from error
+        self.sha256 = hashlib.sha256(weights).hexdigest()
+        if self.sha256 != described["sha256"]:
+            raise InputError(
+                f"{onnx} has SHA-256 {self.sha256}, {card.name} says {described['sha256']}: the "
+                "file is damaged or was exchanged. Install si3fp again."
+            )
+        self.name = f"{described['name']} {described['version']}"
+        self.m_per_px = float(described["m_per_px"])
+        self.labels: tuple[str, ...] = tuple(described["labels"])
+        self._threshold = float(described["score_threshold"])
+        options = onnxruntime.SessionOptions()
+        options.log_severity_level = 3
+        self._session = onnxruntime.InferenceSession(
+            weights, options, providers=["CPUExecutionProvider"]
+        )
+
+    @property
+    def score_threshold(self) -> float:
+        """Recommended threshold where one image stands alone."""
+        return self._threshold
+
+    def detect(self, image: OrthoImage, m_per_px: float) -> Detections:
+        """Boxes in pixels of the image, scores from `LOWEST_SCORE` upwards, labels.
+
+        Parameters
+        ----------
+        image
+            Orthographic image; pixels that are not valid are black to the network.
+        m_per_px
+            Its resolution.
+        """
+        scale = m_per_px / self.m_per_px
+        pixels = _resized(np.where(image.valid[..., None], image.rgb, np.uint8(0)), scale)
+        found = [self._detect_tile(pixels, *tile) for tile in _tiles(*pixels.shape[:2])]
+        boxes = np.concatenate([part[0] for part in found]) / scale
+        scores = np.concatenate([part[1] for part in found])
+        labels = np.concatenate([part[2] for part in found])
+        height, width = image.valid.shape
+        boxes = np.clip(boxes, 0, [width, height, width, height])
+        order = np.argsort(-scores, kind="stable")
+        detections = Detections(boxes, scores, np.array(self.labels, np.str_)[labels]).select(order)
+        return detections.select(_not_suppressed(detections))
+
+    def _detect_tile(
+        self, pixels: Image, rows: _Span, columns: _Span
+    ) -> tuple[FloatArray, FloatArray, NDArray[np.int_]]:
+        """Boxes (K, 4), scores and label indices of the objects centred in the tile's core."""
+        tile = pixels[rows.start : rows.stop, columns.start : columns.stop]
+        bottom, right = -tile.shape[0] % 32, -tile.shape[1] % 32
+        tile = np.pad(tile, ((0, bottom), (0, right), (0, 0)))
+        batch = np.ascontiguousarray(tile.transpose(2, 0, 1)[None], dtype=np.float32)
+        scores, distances = self._session.run(["scores", "distances"], {"image": batch})
+        boxes, values, labels = decode(scores[0], distances[0])
+        boxes += np.array([columns.start, rows.start, columns.start, rows.start])
+        x, y = (boxes[:, 0] + boxes[:, 2]) / 2, (boxes[:, 1] + boxes[:, 3]) / 2
+        mine = columns.owns(x) & rows.owns(y)
+        return boxes[mine], values[mine], labels[mine]
+
+
+class _Span:
+    """Start and stop of a tile along one axis, and its core: what no other tile owns."""
+
+    def __init__(self, start: int, stop: int, length: int) -> None:
+        self.start, self.stop = start, stop
+        self._low = -np.inf if start == 0 else start + OVERLAP_PX / 2
+        self._high = np.inf if stop == length else stop - OVERLAP_PX / 2
+
+    def owns(self, centres: FloatArray) -> NDArray[np.bool_]:
+        inside: NDArray[np.bool_] = (centres >= self._low) & (centres < self._high)
+        return inside
+
+
+def _spans(length: int) -> list[_Span]:
+    step = TILE_PX - OVERLAP_PX
+    count = max(1, -(-(length - OVERLAP_PX) // step))
+    starts = [i * step for i in range(count)]
+    stops = [min(start + TILE_PX, length) for start in starts]
+    return [_Span(start, stop, length) for start, stop in zip(starts, stops, strict=True)]
+
+
+def _tiles(height: int, width: int) -> Iterator[tuple[_Span, _Span]]:
+    return ((rows, columns) for rows in _spans(height) for columns in _spans(width))
+
+
+def _resized(rgb: Image, scale: float) -> Image:
+    size = (max(1, round(rgb.shape[1] * scale)), max(1, round(rgb.shape[0] * scale)))
+    how = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(rgb, size, interpolation=how), np.uint8)
+
+
+def decode(
+    scores: NDArray[np.float32], distances: NDArray[np.float32]
+) -> tuple[FloatArray, FloatArray, NDArray[np.int_]]:
+    """Boxes (K, 4) in pixels, scores (K,) and label indices (K,) at the local maxima.
+
+    Parameters
+    ----------
+    scores
+        (L, h, w) per label.
+    distances
+        (4, h, w) from the cell's centre to left, top, right, bottom in pixels.
+    """
+    boxes, values, labels = [], [], []
+    for label, score in enumerate(scores):
+        peak = score >= cv2.dilate(score, np.ones((3, 3), np.uint8))
+        rows, columns = np.nonzero(peak & (score >= LOWEST_SCORE))
+        x, y = (columns + 0.5) * STRIDE_PX, (rows + 0.5) * STRIDE_PX
+        left, top, right, bottom = distances[:, rows, columns].astype(np.float64)
+        boxes.append(np.stack([x - left, y - top, x + right, y + bottom], axis=-1))
+        values.append(score[rows, columns].astype(np.float64))
+        labels.append(np.full(len(rows), label))
+    return np.concatenate(boxes), np.concatenate(values), np.concatenate(labels)
+
+
+def iou_matrix(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Intersection over union (N, M) of boxes (N, 4) and (M, 4)."""
+    low = np.maximum(first[:, None, :2], second[None, :, :2])
+    high = np.minimum(first[:, None, 2:], second[None, :, 2:])
+    common = np.prod(np.clip(high - low, 0, None), axis=-1)
+    areas = [np.prod(np.clip(b[:, 2:] - b[:, :2], 0, None), axis=-1) for b in (first, second)]
+    union = areas[0][:, None] + areas[1][None] - common
+    overlap: FloatArray = common / np.maximum(union, 1e-12)
+    return overlap
+
+
+def _not_suppressed(detections: Detections) -> NDArray[np.int_]:
+    """Indices that survive non-maximum suppression within each label; scores are descending."""
+    overlap = iou_matrix(detections.boxes_px, detections.boxes_px)
+    same = detections.labels[:, None] == detections.labels[None]
+    clash = (overlap > NMS_IOU) & same
+    kept: list[int] = []
+    for index in range(len(detections)):
+        if not clash[index, kept].any():
+            kept.append(index)
+    return np.array(kept, dtype=np.int_)

@@ -1,0 +1,126 @@
+"""Algorithm 6: detections of several views of one facade become one list.
+
+Groups need two different views (METHOD decision 2). The score threshold of merged boxes can
+never reject after the filter of single ones (decision 3); the mean score over all views that saw
+the place is the number that can.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from si3fp.config import FusionConfig
+from si3fp.geometry.rigid import FloatArray
+from si3fp.model import Detections, OrthoImage
+from si3fp.windows.detect import iou_matrix
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FusedDetections:
+    """Detections with the views that agree on them.
+
+    Attributes
+    ----------
+    detections
+        Median boxes, merged scores, labels.
+    views
+        Per detection the ids of the views that found it, sorted.
+    spread_px
+        (N, 4) robust standard deviation of the four sides between the views; 0 with one view.
+    """
+
+    detections: Detections
+    views: tuple[tuple[str, ...], ...]
+    spread_px: FloatArray
+
+
+def fuse_views(
+    per_view: Mapping[str, Detections],
+    config: FusionConfig,
+    seen: Mapping[str, NDArray[np.bool_]] | None = None,
+) -> FusedDetections:
+    """Detections that several views agree on, best first.
+
+    Parameters
+    ----------
+    per_view
+        Detections on the common grid by view id.
+    config
+        Thresholds of the paper: single score, IoU of a group, number of views, merged score.
+    seen
+        Valid masks of the views; needed only where ``config.min_mean_score`` is not 0.
+
+    Notes
+    -----
+    SI3FP, Algorithm 6: median box, mean of the square roots of the scores. A group is what
+    overlaps with its best box, so that neighbours do not chain into one.
+    """
+    sources = np.array([view for view, found in per_view.items() for _ in range(len(found))])
+    everything = _joined(list(per_view.values()))
+    confident = everything.scores >= config.min_score
+    everything, sources = everything.select(confident), sources[confident]
+
+    boxes, scores, labels, views, spreads = [], [], [], [], []
+    for members in _groups(everything, config.group_iou):
+        found_by = tuple(sorted(set(sources[members].tolist())))
+        merged = float(np.sqrt(everything.scores[members]).mean())
+        if len(found_by) < config.min_views or merged < config.min_merged_score:
+            continue
+        corners = everything.boxes_px[members]
+        box = np.median(corners, axis=0)
+        if seen is not None and config.min_mean_score > 0:
+            total = sum(everything.scores[members][sources[members] == v].max() for v in found_by)
+            looked = sum(bool(_mostly(mask, box)) for mask in seen.values())
+            if total / max(looked, len(found_by)) < config.min_mean_score:
+                continue
+        boxes.append(box)
+        scores.append(merged)
+        labels.append(everything.labels[members[0]])
+        views.append(found_by)
+        spreads.append(1.4826 * np.median(np.abs(corners - box), axis=0))
+    order = np.argsort(-np.array(scores), kind="stable")
+    return FusedDetections(
+        Detections(np.array(boxes), np.array(scores), np.array(labels, np.str_)).select(order),
+        tuple(views[i] for i in order),
+        np.array(spreads).reshape(-1, 4)[order],
+    )
+
+
+def views_that_saw(box_px: FloatArray, views: Sequence[OrthoImage]) -> tuple[str, ...]:
+    """Ids of the views that saw most of a box."""
+    return tuple(sorted(view.source for view in views if _mostly(view.valid, box_px)))
+
+
+def _mostly(mask: NDArray[np.bool_], box: FloatArray) -> bool:
+    left, top = np.floor(box[:2]).astype(int)
+    right, bottom = np.ceil(box[2:]).astype(int)
+    part = mask[max(top, 0) : bottom, max(left, 0) : right]
+    return bool(part.size and part.mean() > 0.8)
+
+
+def _joined(parts: Sequence[Detections]) -> Detections:
+    if not parts:
+        return Detections(np.zeros((0, 4)), np.zeros(0), np.zeros(0, np.str_))
+    return Detections(
+        np.concatenate([part.boxes_px for part in parts]),
+        np.concatenate([part.scores for part in parts]),
+        np.concatenate([part.labels for part in parts]),
+    )
+
+
+def _groups(detections: Detections, min_iou: float) -> list[NDArray[np.intp]]:
+    """Index groups of one label that overlap with their best member, which comes first."""
+    overlap = iou_matrix(detections.boxes_px, detections.boxes_px)
+    near = (overlap > min_iou) & (detections.labels[:, None] == detections.labels[None])
+    free = np.ones(len(detections), bool)
+    groups = []
+    for seed in np.argsort(-detections.scores, kind="stable"):
+        if free[seed]:
+            members = np.flatnonzero(near[seed] & free)
+            free[members] = False
+            groups.append(np.concatenate([[seed], members[members != seed]]))
+    return groups
