@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from pathlib import PurePath
 from typing import Any
@@ -16,6 +15,7 @@ from si3fp.report.markup import (
     bullets,
     is_number,
     joined,
+    named_values,
     number,
     percent,
     percent_interval,
@@ -32,16 +32,6 @@ from si3fp.report.totals import (
     wwr_of_building,
 )
 from si3fp.workspace import safe_name
-
-UNITS = {
-    "_kwh_m2": "kWh/m²",
-    "_w_m2k": "W/(m²K)",
-    "_w_m2": "W/m²",
-    "_m2": "m²",
-    "_kwh": "kWh",
-    "_deg": "°",
-    "_m": "m",
-}
 
 
 def building_part(building: BuildingRecords, simulation: Record) -> Markup:
@@ -126,7 +116,7 @@ def _facade_rows(building: BuildingRecords) -> Iterator[Sequence[Any]]:
 
 def _archetype(known: Record) -> Markup | None:
     archetype = record(known.get("archetype"))
-    rows = list(_named_values(archetype))
+    rows = list(named_values(archetype))
     notes = texts(archetype.get("notes"))
     if not rows and not notes:
         return None
@@ -136,32 +126,6 @@ def _archetype(known: Record) -> Markup | None:
         table(["Property", "Value"], rows) if rows else None,
         bullets(notes, class_="soft"),
     )
-
-
-def _named_values(values: Record, prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Names in words and values with units of a record, nested ones with their parent's name."""
-    for key, value in values.items():
-        suffix = next((suffix for suffix in UNITS if key.endswith(suffix)), "")
-        words = f"{prefix} {key.removesuffix(suffix).replace('_', ' ')}".strip()
-        name = re.sub(r"^u( value)? ", "U-value ", re.sub(r"^g( value)? ", "g-value ", words))
-        name = name[:1].upper() + name[1:] if not name.startswith("g-") else name
-        if key == "period" and isinstance(value, list) and len(value) == 2:
-            yield "Construction period", _period(*value)
-        elif isinstance(value, dict):
-            yield from _named_values(value, words)
-        elif isinstance(value, float):
-            yield name, number(value, 2, UNITS.get(suffix, ""))
-        elif isinstance(value, bool):
-            yield name, "yes" if value else "no"
-        elif isinstance(value, int | str):
-            yield name, f"{value} {UNITS.get(suffix, '')}".strip()
-
-
-def _period(first: Any, last: Any) -> str:
-    """``1961–1975``; TABULA's 0 and 9999 are open ends."""
-    if first == 0:
-        return f"until {last}"
-    return f"since {first}" if last == 9999 else f"{first}–{last}"
 
 
 def _simulation(building: BuildingRecords, simulation: Record) -> Markup | None:

@@ -16,6 +16,7 @@ from si3fp.report.markup import (
     folded,
     is_number,
     joined,
+    named_values,
     number,
     percent,
     percent_interval,
@@ -148,10 +149,10 @@ def _residuals_px(view: Record) -> tuple[float, float] | None:
     return (float(before), float(after)) if is_number(before) and is_number(after) else None
 
 
-def _metres(values: Any) -> str:
-    return (
-        " / ".join(number(value) for value in values) if isinstance(values, list) else number(None)
-    )
+def _centimetres(values: Any) -> str:
+    """Metres as ``2.0 2.0 3.0 4.0`` in centimetres."""
+    items = values if isinstance(values, list) else [values]
+    return " ".join(number(item * 100 if is_number(item) else None, 1) for item in items)
 
 
 def _window_table(facade: Record) -> Markup | None:
@@ -159,8 +160,7 @@ def _window_table(facade: Record) -> Markup | None:
     if not windows:
         return None
     head = ["No.", "Kind", "Left m", "Sill m", "Width m", "Height m", "Area m²", "Score", "Views",
-            f"Edge σ m ({', '.join(SIDES)})", "Recess m", f"Correction m ({', '.join(SIDES)})",
-            "Evidence"]  # fmt: skip
+            "Edge σ cm", "Recess cm", "Correction cm", "Evidence"]  # fmt: skip
     rows = [
         [
             index,
@@ -170,9 +170,9 @@ def _window_table(facade: Record) -> Markup | None:
             number(window["width_m"] * window["height_m"]),
             number(window.get("score")),
             len(window["views"]) if isinstance(window.get("views"), list) else number(None),
-            _metres(window.get("edge_sigma_m")),
-            number(window.get("recess_m")),
-            _metres(window.get("correction_m")),
+            _centimetres(window.get("edge_sigma_m")),
+            _centimetres(window.get("recess_m")),
+            _centimetres(window.get("correction_m")),
             window.get("evidence") or "",
         ]
         for index, window in enumerate(windows)
@@ -182,7 +182,8 @@ def _window_table(facade: Record) -> Markup | None:
         tag(
             "p",
             f"Window n is {facade['id']}-wn in the thermal model and in the map layer. Positions "
-            "are measured from the lower left corner of the facade.",
+            "are measured from the lower left corner of the facade; edge σ and correction are "
+            "those of the left, right, bottom and top edge.",
             class_="soft",
         ),
         table(head, rows, words=(0, 1, 12)),
@@ -229,11 +230,7 @@ def _outline_table(facade: Record) -> Markup | None:
         for side in SIDES
         if f"{side}_m" in box or side in evidence
     ]
-    words = "; ".join(
-        f"{key.replace('_', ' ')} {number(value, 2) if isinstance(value, float) else value}"
-        for key, value in plane.items()
-        if isinstance(value, int | float | str)
-    )
+    words = ", ".join(f"{name} {value}" for name, value in named_values(plane))
     if not rows and not words:
         return None
     return folded(

@@ -6,7 +6,8 @@ import base64
 import html
 import io
 import math
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, TypeGuard
 
 import cv2
@@ -17,6 +18,15 @@ from si3fp.model import Image
 
 VOID = frozenset({"br", "hr", "img", "meta"})
 ABSENT = "–"
+UNITS = {
+    "_kwh_m2": "kWh/m²",
+    "_w_m2k": "W/(m²K)",
+    "_w_m2": "W/m²",
+    "_m2": "m²",
+    "_kwh": "kWh",
+    "_deg": "°",
+    "_m": "m",
+}
 
 
 class Markup(str):
@@ -92,6 +102,32 @@ def percent_interval(interval: Any) -> str:
 def counted(count: int, singular: str, plural: str | None = None) -> str:
     """A count with its noun: ``1 window``, ``3 windows``."""
     return f"{count} {singular if count == 1 else plural or singular + 's'}"
+
+
+def named_values(values: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Names in words and values with units of a record, nested ones with their parent's name."""
+    for key, value in values.items():
+        suffix = next((suffix for suffix in UNITS if key.endswith(suffix)), "")
+        words = f"{prefix} {key.removesuffix(suffix).replace('_', ' ')}".strip()
+        name = re.sub(r"^u( value)? ", "U-value ", re.sub(r"^g( value)? ", "g-value ", words))
+        name = name[:1].upper() + name[1:] if not name.startswith("g-") else name
+        if key == "period" and isinstance(value, list) and len(value) == 2:
+            yield "Construction period", _period(*value)
+        elif isinstance(value, dict):
+            yield from named_values(value, words)
+        elif isinstance(value, float):
+            yield name, number(value, 2, UNITS.get(suffix, ""))
+        elif isinstance(value, bool):
+            yield name, "yes" if value else "no"
+        elif isinstance(value, int | str):
+            yield name, f"{value} {UNITS.get(suffix, '')}".strip()
+
+
+def _period(first: Any, last: Any) -> str:
+    """``1961–1975``; TABULA's 0 and 9999 are open ends."""
+    if first == 0:
+        return f"until {last}"
+    return f"since {first}" if last == 9999 else f"{first}–{last}"
 
 
 def table(
