@@ -221,3 +221,323 @@ def write_run(root, m_per_px=0.1, building="west <wing> & co"):
     }  # fmt: skip
     workspace.write_json(workspace.simulation / "result.json", "simulation", simulation)
     return workspace
+
+
+class Outline(HTMLParser):
+    """Open tags, attributes and text of a document; fails on a tag that does not balance."""
+
+    def __init__(self, document):
+        super().__init__(convert_charrefs=True)
+        self.open, self.tags, self.text = [], [], []
+        self.feed(document)
+        self.close()
+        assert not self.open, f"not closed: {self.open}"
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID | {"link", "input"}:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open and self.open[-1] == tag, f"</{tag}> closes {self.open[-3:]}"
+        self.open.pop()
+
+    def handle_data(self, data):
+        if not self.open or self.open[-1] != "style":
+            self.text.append(data)
+
+    @property
+    def words(self):
+        return " ".join(" ".join(self.text).replace("\u00a0", " ").split())
+
+    def count(self, name, class_=None):
+        return sum(
+            tag == name and (class_ is None or attributes.get("class") == class_)
+            for tag, attributes in self.tags
+        )
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    root = tmp_path_factory.mktemp("report") / "run"
+    write_run(root)
+    return root
+
+
+@pytest.fixture(scope="module")
+def document(run):
+    return run_report(run)
+
+
+@pytest.fixture(scope="module")
+def outline(document):
+    return Outline(document)
+
+
+def test_document_is_well_formed_and_self_contained(document, outline):
+    assert document.startswith("<!DOCTYPE html>")
+    assert outline.count("script") == outline.count("link") == 0
+    for _, attributes in outline.tags:
+        for key in ("src", "href", "srcset", "xlink:href"):
+            assert re.match(r"data:image/(png|jpeg);base64,|#", attributes.get(key, "#"))
+    assert "http" not in document
+    assert "url(" not in document
+
+
+def test_links_lead_to_sections(outline):
+    targets = {attributes["id"] for _, attributes in outline.tags if "id" in attributes}
+    links = {attributes["href"] for _, attributes in outline.tags if "href" in attributes}
+    assert links
+    assert {link.removeprefix("#") for link in links} <= targets
+
+
+def test_ids_are_escaped(document, outline):
+    assert "west <wing> & co-0" in outline.words
+    assert "<wing>" not in document
+    assert not any(tag == "wing" for tag, _ in outline.tags)
+
+
+def test_report_tells_what_was_found(outline):
+    words = outline.words
+    assert "5 March 2024, 09:15 UTC" in words
+    assert "16 panoramas (14 of them used) taken from 2021-06 to 2022-09" in words
+    assert "3 of 5 facades were reconstructed (1 without a building)" in words
+    assert "Windows take up 19.3 % (90 % interval 17.2–21.1 %)" in words
+    assert "U-value window 2.30 W/(m²K)" in words
+    assert "Construction period 1961–1975" in words
+    assert "49 580 kWh" in words
+    assert "7.4 px before registration (hollow), 0.7 px after" in words
+    assert "too oblique (4 views)" in words
+    assert "faces S (180°)" in words
+    assert outline.count("section", "facade") == 3
+    assert outline.count("svg", "bars") == outline.count("svg", "plan") == 1
+
+
+def test_report_tells_what_is_missing_and_why(outline):
+    words = outline.words
+    assert "west <wing> & co-2 not seen by any camera No camera faces it." in words
+    assert "west <wing> & co-3 failed at registering its views 2 views share 5 matches." in words
+    assert "6.1 m from the nearest footprint edge" in words
+
+
+def test_openings_are_counted_by_label(run, outline):
+    facade = read_run(run).facades[0]
+    doors = sum(window["label"] == "balcony_door" for window in facade["windows"])
+    assert doors == 1
+    assert f"{len(facade['windows']) - doors} windows, 1 balcony door" in outline.words
+
+
+def test_sources_of_data_are_named(outline):
+    assert "TABULA" in outline.words
+    assert "CC BY 4.0" in outline.words
+
+
+def test_writing_twice_gives_the_same_files(run):
+    path = write_report(run)
+    first = path.read_bytes()
+    overlays = {p: p.read_bytes() for p in run.glob("facades/*/overlay.png")}
+    assert len(overlays) == 3
+    assert write_report(run).read_bytes() == first
+    assert all(p.read_bytes() == content for p, content in overlays.items())
+
+
+def test_a_few_megabytes_at_most(document):
+    assert len(document) < 3_000_000
+
+
+@pytest.mark.parametrize(
+    "absent",
+    ["simulation/result.json", "run.json", "facades/*/ortho.png", "facades/*/coverage.png",
+     "facades/*/windows.json", "facades/*/views/*.png", "facades/*/facade.json"],
+)  # fmt: skip
+def test_absent_files_are_left_out(tmp_path, absent):
+    write_run(tmp_path, m_per_px=0.2)
+    for path in tmp_path.glob(absent):
+        path.unlink()
+    Outline(run_report(tmp_path))
+
+
+def test_empty_records_are_tolerated(tmp_path):
+    workspace = Workspace(tmp_path)
+    workspace.write_json(workspace.run_json, "run", {})
+    assert "No facade could be reconstructed." in Outline(run_report(tmp_path)).words
+    workspace.write_json(workspace.facade("a-0", "facade.json"), "facade", {"id": "a-0"})
+    write_png(workspace.facade("a-0", "ortho.png"), np.zeros((20, 30, 3), np.uint8))
+    assert "Facade a-0" in Outline(run_report(tmp_path)).words
+
+
+def test_every_key_of_a_facade_may_be_absent(tmp_path):
+    workspace = write_run(tmp_path, m_per_px=0.2)
+    path = workspace.facade("wall-1", "facade.json")
+    whole = json.loads(path.read_text())
+    for key in sorted(set(whole) - {"id"}):
+        write_bytes(path, json.dumps({k: v for k, v in whole.items() if k != key}).encode())
+        Outline(run_report(tmp_path))
+
+
+def test_a_folder_without_a_run_is_an_input_error(tmp_path):
+    with pytest.raises(InputError, match="There is no run in"):
+        run_report(tmp_path)
+
+
+def test_a_facade_in_the_list_of_missing_is_not_shown_as_found(tmp_path):
+    workspace = write_run(tmp_path, m_per_px=0.2, building="a")
+    head = json.loads(workspace.run_json.read_text())
+    head["missing"].append({"facade_id": "a-1", "step": "windows", "reason": "Too dark."})
+    write_bytes(workspace.run_json, json.dumps(head).encode())
+    known = read_run(tmp_path)
+    assert [facade["id"] for facade in known.facades] == ["a-0", "wall-1"]
+    assert len(known.missing) == 3
+
+
+def test_overlay_file_has_its_box_around_the_window(run):
+    workspace = Workspace(run)
+    drawn = read_png(workspace.facade("wall-1", "overlay.png"))
+    plain = opaque(read_png(workspace.facade("wall-1", "ortho.png")))
+    changed = (drawn != plain).any(axis=2)
+    # Window 0: x 0.8 m, y 0.9 m, 1.25 x 1.45 m on a 9 x 6 m wall at 0.1 m per pixel.
+    rows, columns = np.nonzero(changed[:, :25])
+    # Line, halo and anti-aliasing reach up to 4 pixels beyond the edge.
+    assert abs(columns.min() - 8) <= 4
+    assert abs(columns.max() - 20.5) <= 4
+    assert abs(rows.max() - 51) <= 4
+    assert abs(rows.min() - 36.5) <= 4
+    assert not changed[:30].any()
+
+
+def test_overlay_draws_lines_on_the_edges_and_nothing_elsewhere():
+    blank = np.full((200, 300, 3), 128, np.uint8)
+    drawn = overlay(blank, [[40.0, 60.0, 140.0, 160.0]], ["window"], [0.9])
+    assert (blank == 128).all(), "the input must stay"
+    blue = np.array(box_colour("window"))
+    for row, column in [(110, 40), (110, 140), (160, 90)]:
+        near = drawn[row - 1 : row + 1, column - 1 : column + 1].reshape(-1, 3).astype(int)
+        assert np.abs(near - blue).max(axis=1).min() < 80
+    assert (drawn[110, 60:120] == 128).all(), "inside"
+    outside = drawn.copy()
+    outside[56:165, 36:145] = 128
+    assert (outside == 128).all(), "outside"
+
+
+def test_overlay_colours_by_label_and_origin():
+    blank = np.full((200, 300, 3), 255, np.uint8)
+    boxes = [[20.0, 20.0, 120.0, 180.0], [160.0, 20.0, 260.0, 180.0]]
+    drawn = overlay(blank, boxes, ["balcony_door"] * 2, [0.8] * 2, origins=["detected", "inferred"])
+    middles = drawn[100, [20, 160]].astype(int)
+    assert np.abs(middles[0] - box_colour("balcony_door")).max() < 140
+    assert np.abs(middles[1] - box_colour("window", "inferred")).max() < 140
+    assert box_colour("balcony_door") != box_colour("balcony_door", "inferred")
+
+
+def test_overlay_writes_the_score_into_its_box():
+    blank = np.full((200, 300, 3), 128, np.uint8)
+    drawn = overlay(blank, [[40.0, 60.0, 140.0, 160.0]], ["window"], [0.37])
+    other = overlay(blank, [[40.0, 60.0, 140.0, 160.0]], ["window"], [0.84])
+    rows, columns = np.nonzero((drawn != other).any(axis=2))
+    assert len(rows) > 20
+    assert (rows.min() >= 60, rows.max() < 85) == (True, True)
+    assert (columns.min() >= 40, columns.max() < 90) == (True, True)
+
+
+def test_overlay_without_boxes_and_with_too_few_scores():
+    blank = np.zeros((10, 10, 3), np.uint8)
+    assert (overlay(blank, [], [], []) == blank).all()
+    with pytest.raises(InputError, match="1 boxes, 1 labels, 0 scores"):
+        overlay(blank, [[1, 1, 5, 5]], ["window"], [])
+
+
+def test_coverage_picture_has_one_colour_per_number_of_views():
+    seen_by = np.repeat(np.arange(6, dtype=np.uint8), 60)[None].repeat(50, axis=0)
+    picture = coverage_picture(seen_by)
+    palette = coverage_palette(5)
+    assert picture.shape[1] == 360
+    assert picture.shape[0] > 50
+    assert (picture[:50] == palette[seen_by]).all()
+    assert tuple(palette[0]) == NOT_SEEN
+    assert tuple(palette[1]) == SEEN_ONCE
+    assert len({tuple(colour) for colour in palette.tolist()}) == 6
+    # The legend repeats every colour.
+    legend = {tuple(pixel) for pixel in picture[50:].reshape(-1, 3).tolist()}
+    assert {tuple(colour) for colour in palette.tolist()} <= legend
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (3, 700)])
+def test_coverage_picture_of_nothing(shape):
+    assert (coverage_picture(np.zeros(shape, np.uint8))[: shape[0]] == NOT_SEEN).all()
+
+
+def test_opaque_keeps_seen_pixels():
+    image = np.full((40, 40, 4), 255, np.uint8)
+    image[..., :3] = (10, 20, 30)
+    image[:, 20:, 3] = 0
+    assert (opaque(image)[:, :20] == (10, 20, 30)).all()
+    assert (opaque(image)[:, 20:] > 200).all()
+    assert opaque(image[..., 0]).shape == (40, 40, 3)
+
+
+def coordinates(markup, name):
+    found = re.search(rf'<{name} [^>]*x1="([^"]+)" y1="([^"]+)" x2="([^"]+)" y2="([^"]+)"', markup)
+    return [float(value) for value in found.groups()]
+
+
+def test_plan_is_north_up_and_true_to_scale():
+    wall = WallLine("0", np.array([[0.0, 0.0], [20.0, 0.0]]), "found")
+    camera = CameraPoint("c", np.array([10.0, -10.0, 2.0]), used=True)
+    drawing = plan([("b", np.array([[0.0, 0], [20, 0], [20, 10], [0, 10]]))], [wall], [camera])
+    x1, y1, x2, y2 = coordinates(drawing, "line")
+    assert y1 == y2
+    px_per_m = (x2 - x1) / 20
+    cx, cy = map(float, re.search(r'cx="([^"]+)" cy="([^"]+)"', drawing).groups())
+    assert cx == pytest.approx((x1 + x2) / 2, abs=0.2)
+    assert (cy - y1) / px_per_m == pytest.approx(10.0, abs=0.02)
+    start, end = map(float, re.search(r'd="M([\d.]+) [\d.]+V[\d.]+H([\d.]+)V', drawing).groups())
+    metres = float(re.search(r">(\d+)\u00a0m<", drawing)[1])
+    assert (end - start) / px_per_m == pytest.approx(metres, abs=0.05)
+    label_y = float(re.search(r'y="([\d.]+)"[^>]*>0</text>', drawing)[1])
+    assert label_y > y1, "the label stands outside, here to the south"
+
+
+def test_plan_of_nothing_is_left_out():
+    assert plan([], [], []) is None
+    one = [CameraPoint("c", np.zeros(3), used=False)]
+    assert plan([], [], one) is not None
+
+
+def test_month_bars_are_proportional():
+    heights = [
+        float(height)
+        for height in re.findall(
+            r'<rect [^>]*height="([^"]+)"', month_bars([100.0, 50.0, *[0.0] * 10])
+        )
+    ]
+    assert heights[0] == pytest.approx(2 * heights[1], abs=0.2)
+    assert heights[2] == 0
+    assert month_bars([0.0] * 12).count("<rect") == 12
+
+
+@pytest.mark.parametrize(("value", "nice"), [(7.0, 5.0), (20.0, 20.0), (0.3, 0.2), (1999, 1000)])
+def test_nice_below(value, nice):
+    assert nice_below(value) == pytest.approx(nice)
+
+
+def test_markup_escapes_text_and_attributes():
+    assert tag("i", '<"&', title='"') == '<i title="&quot;">&lt;&quot;&amp;</i>'
+    assert tag("b", Markup("<i></i>"), None) == "<b><i></i></b>"
+
+
+def test_numbers():
+    assert number(float("nan")) == number(None) == number(True) == "–"
+    assert number(-0.0004) == "0.00"
+    assert percent_interval([0.1, 0.2]) == "10.0–20.0\u00a0%"
+    assert percent_interval([0.1]) == percent_interval(None) == ""
+
+
+def test_ratio_of_a_building_is_weighted_by_area():
+    window = {"width_m": 2.0, "height_m": 5.0}
+    facades = [
+        {"width_m": 10.0, "height_m": 10.0, "windows": [window, window]},
+        {"width_m": 30.0, "height_m": 10.0, "windows": []},
+    ]
+    assert wwr_of_building(facades) == pytest.approx(20 / 400)
+    assert wwr_of_building(facades, {"wwr": 0.3}) == 0.3
+    assert wwr_of_building([]) is None

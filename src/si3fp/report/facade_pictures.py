@@ -14,19 +14,19 @@ from si3fp.report.records import Record
 from si3fp.report.totals import views_of
 from si3fp.workspace import Workspace, read_png, safe_name
 
+MIN_SIZE_PX = 1000
 MAX_WIDTH_PX = 1600
 MAX_HEIGHT_PX = 1400
+MAX_ROWS = 3
+ROW_ASPECT = 3.5
 THUMBNAIL_PX = (360, 240)
 COVERAGE_PX = 560
 SHOWN_HEIGHT_PX = 680
 MAX_THUMBNAILS = 24
 
 
-def window_boxes_px(facade: Record, width_px: int, height_px: int) -> FloatArray:
+def _boxes_px(facade: Record, m_per_px: float, width_px: int, height_px: int) -> FloatArray:
     """Boxes (N, 4) of a facade's windows on its fused image of this size."""
-    m_per_px = facade.get("m_per_px")
-    if not is_number(m_per_px):
-        m_per_px = facade["width_m"] / width_px
     grid = FacadeGrid(Rigid3(np.eye(3), np.zeros(3)), width_px, height_px, m_per_px)
     low = np.array([[w["x_m"], w["y_m"]] for w in facade["windows"]]).reshape(-1, 2)
     size = np.array([[w["width_m"], w["height_m"]] for w in facade["windows"]]).reshape(-1, 2)
@@ -35,15 +35,21 @@ def window_boxes_px(facade: Record, width_px: int, height_px: int) -> FloatArray
 
 
 def facade_overlay(
-    workspace: Workspace, facade: Record, max_size_px: tuple[int, int] | None = None
+    workspace: Workspace, facade: Record, *, page_size: bool = False
 ) -> Image | None:
-    """The fused image with the facade's windows, made smaller first; None without the image."""
+    """The fused image with the facade's windows, or None without the image.
+
+    With ``page_size`` the image is made smaller first, so that lines and text keep their size.
+    """
     path = workspace.facade(str(facade["id"]), "ortho.png")
     if not path.exists():
         return None
     fused = opaque(read_png(path))
-    boxes = window_boxes_px(facade, fused.shape[1], fused.shape[0])
-    small = fitted(fused, *max_size_px) if max_size_px else fused
+    small = _fitted_to_page(fused) if page_size else fused
+    m_per_px = facade.get("m_per_px")
+    if not is_number(m_per_px):
+        return small
+    boxes = _boxes_px(facade, m_per_px, fused.shape[1], fused.shape[0])
     windows = facade["windows"]
     return overlay(
         small,
@@ -55,15 +61,31 @@ def facade_overlay(
     )
 
 
+def _rows(image: Image) -> int:
+    """In how many rows a picture is shown: a long facade's windows stay legible."""
+    return int(np.clip(round(image.shape[1] / image.shape[0] / ROW_ASPECT), 1, MAX_ROWS))
+
+
+def _fitted_to_page(image: Image) -> Image:
+    """The image in the size of the page: small ones enlarged, so that lines on them are sharp."""
+    height_px, width_px = image.shape[:2]
+    larger = MIN_SIZE_PX / max(height_px, width_px)
+    if larger > 1:
+        size = (round(width_px * larger), round(height_px * larger))
+        return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
+    return fitted(image, _rows(image) * MAX_WIDTH_PX, MAX_HEIGHT_PX)
+
+
 def fused_figure(workspace: Workspace, facade: Record) -> Markup | None:
     """The fused image with boxes and the key of its colours; ``overlay.png`` stands in."""
     identifier = str(facade["id"])
-    drawn = facade_overlay(workspace, facade, (MAX_WIDTH_PX, MAX_HEIGHT_PX))
+    drawn = facade_overlay(workspace, facade, page_size=True)
     if drawn is None:
         path = workspace.facade(identifier, "overlay.png")
         if not path.exists():
             return tag("p", "The fused image of this facade is not in the run.", class_="soft")
-        drawn = fitted(opaque(read_png(path)), MAX_WIDTH_PX, MAX_HEIGHT_PX)
+        drawn = _fitted_to_page(opaque(read_png(path)))
+    rows = _rows(drawn)
     kinds = dict.fromkeys(
         (str(window.get("label", "window")), str(window.get("origin", "detected")))
         for window in facade["windows"]
@@ -77,17 +99,21 @@ def fused_figure(workspace: Workspace, facade: Record) -> Markup | None:
         )
         for label, origin in kinds
     ]
+    parts = f", {rows} parts from left to right" if rows > 1 else ""
     text = " The upper number is the score, the lower one the number in the table of windows."
     return tag(
         "figure",
-        picture(
-            drawn,
-            f"Fused image of facade {identifier} with its windows",
-            shown_height_px=SHOWN_HEIGHT_PX,
+        *(
+            picture(
+                np.ascontiguousarray(part),
+                f"Fused image of facade {identifier} with its windows",
+                shown_height_px=SHOWN_HEIGHT_PX,
+            )
+            for part in np.array_split(drawn, rows, axis=1)
         ),
         tag(
             "figcaption",
-            "Fused orthographic image. ",
+            f"Fused orthographic image{parts}. ",
             *keys,
             "." if keys else None,
             text if keys else " No windows were found.",

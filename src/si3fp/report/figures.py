@@ -90,7 +90,8 @@ def overlay(
             f"{len(labels)} labels, {len(scores)} scores."
         )
     colours = [box_colour(label, origin) for label, origin in zip(labels, names, strict=True)]
-    thickness = max(1, round(rgb.shape[1] / 700))
+    mean_size_px = float(np.sqrt(rgb.shape[0] * rgb.shape[1]))
+    thickness = max(1, round(mean_size_px / 600))
     halo = rgb.copy()
     for box in boxes:
         _frame(halo, box, (255, 255, 255), thickness + 2)
@@ -100,8 +101,8 @@ def overlay(
     if not len(boxes):
         return canvas
 
-    size_px = float(np.clip(np.median(boxes[:, 2] - boxes[:, 0]) * 0.34, 9, rgb.shape[1] / 70 + 6))
-    font = ImageFont.load_default(round(size_px))
+    size_px = np.clip(np.median(boxes[:, 2] - boxes[:, 0]) * 0.34, 9, 6 + mean_size_px / 45)
+    font = ImageFont.load_default(round(float(size_px)))
     drawing = PilImage.fromarray(canvas)
     draw = ImageDraw.Draw(drawing)
     for box, colour, score, number in zip(boxes, colours, scores, shown, strict=True):
