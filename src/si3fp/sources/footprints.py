@@ -28,6 +28,7 @@ from si3fp.sources.geojson import (
 from si3fp.sources.geopackage import read_layer
 
 _SAME_CORNER_M = 1e-3
+_MIN_AREA_M2 = 1.0  # smaller polygons are slivers left by an overlay
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,7 +141,7 @@ def footprints_in_world(
     Raises
     ------
     InputError
-        If fewer than three corners remain.
+        If an outline has less than 1 m2.
     """
     return tuple(_footprint(record, origin) for record in records)
 
@@ -151,9 +152,11 @@ def _footprint(record: FootprintRecord, origin: GeoOrigin) -> Footprint:
     heights = np.full(len(lon), origin.height_m)
     outline = world_from_geodetic(np.stack([lat, lon, heights], axis=-1), origin)[:, :2]
     outline = outline[np.linalg.norm(outline - np.roll(outline, 1, 0), axis=1) > _SAME_CORNER_M]
-    if len(outline) < 3:
+    area_m2 = shapely.Polygon(outline).area if len(outline) >= 3 else 0.0
+    if area_m2 < _MIN_AREA_M2:
         raise InputError(
-            f"Footprint {record.id}: {len(outline)} distinct corners, an outline needs at least 3."
+            f"Footprint {record.id}: {len(outline)} distinct corners around {area_m2:.2g} m2 "
+            "are no building. Draw the outline, or remove the feature."
         )
     if not shapely.LinearRing(outline).is_ccw:
         outline = np.roll(outline[::-1], 1, axis=0)
@@ -202,15 +205,26 @@ def _polygons(geometry: Mapping[str, Any], where: str) -> list[Any]:
             f"{where}: a footprint is a Polygon or MultiPolygon, got {kind or 'no geometry'}. "
             "Draw the outline, or remove the feature."
         )
-    if not isinstance(parts, list | tuple) or not parts or not all(parts):
-        raise InputError(f"{where}: the {kind} is empty. Draw the outline, or remove the feature.")
+    if not (isinstance(parts, list | tuple) and parts and all(map(_holds_rings, parts))):
+        raise InputError(
+            f"{where}: the {kind} is empty or damaged: {coordinates!r:.80}. "
+            "Draw the outline, or remove the feature."
+        )
     return list(parts)
+
+
+def _holds_rings(part: Any) -> bool:
+    return (
+        isinstance(part, list | tuple)
+        and len(part) > 0
+        and all(isinstance(ring, list | tuple) for ring in part)
+    )
 
 
 def _outline_deg(rings: Any, to_wgs84: pyproj.Transformer | None, where: str) -> FloatArray:
     """Longitude, latitude (V, 2) of the outer ring, not closed; the outline must be simple."""
     for ring in rings:
-        if not isinstance(ring, list | tuple) or len(ring) < 4:
+        if len(ring) < 4:
             raise InputError(
                 f"{where}: a ring needs at least 4 positions, the last equal to the first, "
                 f"got {ring!r:.80}."
