@@ -230,7 +230,7 @@ def _outline_table(facade: Record) -> Markup | None:
         for side in SIDES
         if f"{side}_m" in box or side in evidence
     ]
-    words = ", ".join(f"{name} {value}" for name, value in named_values(plane))
+    words = ", ".join(f"{name.lower()} {value}" for name, value in named_values(plane))
     if not rows and not words:
         return None
     return folded(
