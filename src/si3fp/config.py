@@ -85,8 +85,13 @@ class FacadeBoxConfig:
     relevant_views: int = 2  # paper: seen in several views
     relevant_distance_m: float = 0.15  # decision: one line in several views
     iterations: int = 2000  # decision; the paper does not say
-    dbscan_eps_m: float = 0.5  # decision
+    min_size_m: float = 2.0  # decision: smaller boxes are no facades
+    area_weight: float = 0.5  # decision: cost of the share of the area that a box takes
+    side_weight: float = 1.0  # decision: worth of sides that lie on lines
+    prior_weight: float = 0.1  # decision: per unit of log density
+    dbscan_eps_m: float = 0.3  # decision: votes of views on one line
     edge_sigma_m: float = 0.5  # decision: accuracy of a footprint edge as a prior
+    ground_sigma_m: float = 0.3  # decision: accuracy of the ground as a prior
     eaves_sigma_m: float = 1.5  # decision: accuracy of the mapped height as a prior
 
 
@@ -98,6 +103,7 @@ class FusionConfig:
     group_iou: float = 0.3  # paper
     min_views: int = 2  # paper; counted in views, not detections (decision)
     min_merged_score: float = 0.4  # paper; can never reject after min_score (docs/decisions)
+    max_views: int = 12  # decision: the views with the largest coverage are searched
     min_mean_score: float = 0.0  # mean score over all views that saw the place; 0 = off
 
 
@@ -105,8 +111,12 @@ class FusionConfig:
 class MeasureConfig:
     """M.1: from boxes to windows in metres."""
 
+    refine: bool = True
     search_m: float = 0.35  # decision: how far an edge may move inwards or outwards
+    box_sigma_m: float = 0.20  # decision: how far a detected side lies off, standard deviation
+    own_sigma_m: float = 0.06  # decision: how far one window's side lies off its like
     assumed_recess_m: float = 0.12  # decision: typical reveal where the depth is unknown
+    recess_sigma_m: float = 0.06  # decision: uncertainty of that assumption
     correct_recess: bool = True
     min_size_m: float = 0.25  # decision: smaller boxes are vents and noise
 

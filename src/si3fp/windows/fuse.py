@@ -90,6 +90,78 @@ def fuse_views(
     )
 
 
+def combine(
+    agreed: FusedDetections,
+    on_fused: Detections,
+    views: Sequence[OrthoImage],
+    threshold: float,
+    config: FusionConfig,
+) -> FusedDetections:
+    """Windows of the views and of the fused image as one list, best first.
+
+    Parameters
+    ----------
+    agreed
+        What several views agree on, from `fuse_views`.
+    on_fused
+        Detections on the fused image of the same grid.
+    views
+        The registered views.
+    threshold
+        Recommended score of the detector.
+    config
+        IoU that makes two boxes one.
+
+    Notes
+    -----
+    A box that both found is that of the fused image, which is sharper and free of occluders
+    (docs/decisions/0004-views-or-fused-image.md, with the measurement). A box of the fused image
+    alone needs the detector's own threshold; one of the views alone needs the mean score over all
+    views that saw the place to reach it.
+    """
+    strong = on_fused.select(on_fused.scores >= config.min_score)
+    overlap = iou_matrix(strong.boxes_px, agreed.detections.boxes_px)
+    boxes, scores, names, spreads = [], [], [], []
+    taken = np.zeros(len(agreed.detections), bool)
+    for index, box in enumerate(strong.boxes_px):
+        partners = np.flatnonzero((overlap[index] > config.group_iou) & ~taken)
+        score = strong.scores[index]
+        if len(partners):
+            partner = partners[overlap[index, partners].argmax()]
+            taken[partner] = True
+            agreement = float(agreed.detections.scores[partner]) ** 2
+            if max(score, agreement) < threshold:
+                continue
+            boxes.append(box)
+            scores.append(max(score, agreement))
+            names.append(agreed.views[partner])
+            spreads.append(agreed.spread_px[partner])
+        elif score >= threshold:
+            boxes.append(box)
+            scores.append(score)
+            names.append(views_that_saw(box, views))
+            spreads.append(np.zeros(4))
+    for index in np.flatnonzero(~taken):
+        box = agreed.detections.boxes_px[index]
+        if boxes and iou_matrix(box[None], np.array(boxes)).max() > config.group_iou:
+            continue
+        saw = max(len(views_that_saw(box, views)), 1)
+        share = min(1.0, len(agreed.views[index]) / saw)
+        score = float(agreed.detections.scores[index]) ** 2 * share
+        if score >= threshold:
+            boxes.append(box)
+            scores.append(score)
+            names.append(agreed.views[index])
+            spreads.append(agreed.spread_px[index])
+    order = np.argsort(-np.array(scores), kind="stable")
+    kept = Detections(np.array(boxes), np.array(scores), np.full(len(boxes), "window"))
+    return FusedDetections(
+        kept.select(order),
+        tuple(names[i] for i in order),
+        np.array(spreads).reshape(-1, 4)[order],
+    )
+
+
 def views_that_saw(box_px: FloatArray, views: Sequence[OrthoImage]) -> tuple[str, ...]:
     """Ids of the views that saw most of a box."""
     return tuple(sorted(view.source for view in views if _mostly(view.valid, box_px)))

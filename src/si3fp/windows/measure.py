@@ -1,0 +1,133 @@
+"""M.1: from boxes in pixels to windows in metres on the wall, the recess corrected.
+
+Glass lies behind the wall plane. A camera below sees its upper edge through the opening at a
+lower place of the wall plane, while the lower edge is hidden by the sill, which lies in the wall
+plane: seen from below, windows look too low at the top and right at the bottom (METHOD decision
+12). The same holds for each side that a camera looks past.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from si3fp.config import MeasureConfig
+from si3fp.geometry.facade_grid import FacadeGrid
+from si3fp.geometry.rigid import FloatArray
+from si3fp.model import Detections, Window, WindowLabel
+from si3fp.windows.fuse import FusedDetections
+
+BALCONY_DOOR_HEIGHT_M = 1.8
+OUTWARD = np.array([-1.0, 1.0, -1.0, 1.0])
+"""Sign of an outward move of the left, right, bottom and top edge."""
+
+
+def measure_windows(
+    fused: FusedDetections,
+    balconies: Detections,
+    grid: FacadeGrid,
+    cameras_in_facade: Mapping[str, FloatArray],
+    config: MeasureConfig,
+) -> tuple[Window, ...]:
+    """Windows in metres from the facade's lower left corner, top row first, left to right.
+
+    Parameters
+    ----------
+    fused
+        Windows in pixels of the grid with the views that saw them.
+    balconies
+        Balcony boxes on the same grid: what stands behind one and reaches its floor is a door.
+    grid
+        Grid of the facade.
+    cameras_in_facade
+        Optical centres (3,) in the facade frame by view id.
+    config
+        Assumed recess, its uncertainty, smallest window.
+    """
+    windows = []
+    for box_px, score, views, spread_px in zip(
+        fused.detections.boxes_px,
+        fused.detections.scores,
+        fused.views,
+        fused.spread_px,
+        strict=True,
+    ):
+        edges_m = edges_from_box(box_px, grid)
+        if min(edges_m[1] - edges_m[0], edges_m[3] - edges_m[2]) < config.min_size_m:
+            continue
+        cameras = [cameras_in_facade[view] for view in views if view in cameras_in_facade]
+        lever = recess_lever(edges_m, cameras)
+        sigma_m = np.hypot(
+            np.maximum(spread_px[[0, 2, 3, 1]] / np.sqrt(max(len(views), 1)), 0.5) * grid.m_per_px,
+            lever * config.recess_sigma_m,
+        )
+        correction_m = np.zeros(4)
+        if config.correct_recess:
+            correction_m = OUTWARD * lever * config.assumed_recess_m
+        left, right, bottom, top = np.clip(
+            edges_m + correction_m, 0, [grid.width_m, grid.width_m, grid.height_m, grid.height_m]
+        )
+        windows.append(
+            Window(
+                x_m=float(left),
+                y_m=float(bottom),
+                width_m=float(right - left),
+                height_m=float(top - bottom),
+                label=_label(box_px, balconies, grid),
+                score=float(score),
+                views=views,
+                edge_sigma_m=_four(sigma_m),
+                correction_m=_four(correction_m),
+                evidence=_evidence(len(views), config),
+            )
+        )
+    return tuple(sorted(windows, key=lambda w: (-round(w.y_m, 1), w.x_m)))
+
+
+def edges_from_box(box_px: FloatArray, grid: FacadeGrid) -> FloatArray:
+    """Left, right, bottom, top (4,) in metres of a pixel box x0 y0 x1 y1."""
+    corners = grid.facade_from_pixels(np.array([[box_px[0], box_px[3]], [box_px[2], box_px[1]]]))
+    return np.array([corners[0, 0], corners[1, 0], corners[0, 1], corners[1, 1]])
+
+
+def recess_lever(edges_m: FloatArray, cameras_in_facade: Sequence[FloatArray]) -> FloatArray:
+    """How far each edge (4,) appears moved inwards per metre of recess, mean over the cameras.
+
+    A camera that looks at an edge from inside the opening's span sees it through the opening,
+    at ``gap / distance`` per metre of recess; from beyond the edge the reveal hides the glass and
+    the edge is that of the wall.
+    """
+    if not len(cameras_in_facade):
+        return np.zeros(4)
+    cameras = np.asarray(cameras_in_facade, dtype=np.float64)
+    place = cameras[:, [0, 0, 1, 1]]
+    gap = np.clip(OUTWARD * (edges_m - place), 0, None)
+    lever: FloatArray = (gap / np.maximum(cameras[:, 2:3], 0.5)).mean(axis=0)
+    return lever
+
+
+def _label(box_px: FloatArray, balconies: Detections, grid: FacadeGrid) -> WindowLabel:
+    """``balcony_door`` where a tall opening stands behind a balcony that covers its foot."""
+    left, top, right, bottom = box_px
+    if (bottom - top) * grid.m_per_px < BALCONY_DOOR_HEIGHT_M:
+        return "window"
+    for b_left, b_top, b_right, b_bottom in balconies.boxes_px:
+        covered = min(right, b_right) - max(left, b_left)
+        if covered > 0.5 * (right - left) and b_top < bottom < b_bottom + 0.3 / grid.m_per_px:
+            return "balcony_door"
+    return "window"
+
+
+def _evidence(views: int, config: MeasureConfig) -> str:
+    recess = (
+        f"assumed recess of {config.assumed_recess_m:.2f} m corrected"
+        if config.correct_recess
+        else "recess not corrected"
+    )
+    return f"seen in {views} view{'s' if views != 1 else ''}; {recess}"
+
+
+def _four(values: FloatArray) -> tuple[float, float, float, float]:
+    left, right, bottom, top = (round(float(value), 4) for value in values)
+    return left, right, bottom, top

@@ -1,0 +1,74 @@
+"""M.1 for one facade: detect in every view and on the fused image, combine, measure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from si3fp.config import FusionConfig, MeasureConfig
+from si3fp.geometry.rigid import FloatArray
+from si3fp.model import Detections, FacadeViews, OrthoImage, Window
+from si3fp.windows.detect import WindowDetector
+from si3fp.windows.fuse import combine, fuse_views
+from si3fp.windows.measure import measure_windows
+from si3fp.windows.refine import refine_boxes
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ParsedFacade:
+    """The windows of a facade and the detections that they come from.
+
+    Attributes
+    ----------
+    windows
+        In metres from the facade's lower left corner.
+    per_view
+        Detections by view id.
+    on_fused
+        Detections on the fused image.
+    """
+
+    windows: tuple[Window, ...]
+    per_view: Mapping[str, Detections]
+    on_fused: Detections
+
+
+def parse_facade(
+    views: FacadeViews,
+    fused: OrthoImage,
+    cameras_in_facade: Mapping[str, FloatArray],
+    detector: WindowDetector,
+    fusion: FusionConfig,
+    measure: MeasureConfig,
+) -> ParsedFacade:
+    """The windows of one facade.
+
+    Parameters
+    ----------
+    views
+        Registered views on the facade's grid.
+    fused
+        Their blend.
+    cameras_in_facade
+        Optical centres (3,) in the facade frame by view id.
+    detector, fusion, measure
+        Network and constants.
+    """
+    grid = views.grid
+    best = sorted(views.views, key=lambda view: -view.valid.mean())[: fusion.max_views]
+    per_view = {view.source: detector.detect(view, grid.m_per_px) for view in best}
+    on_fused = detector.detect(fused, grid.m_per_px)
+    agreed = fuse_views({name: of_label(found) for name, found in per_view.items()}, fusion)
+    together = combine(agreed, of_label(on_fused), views.views, detector.score_threshold, fusion)
+    refined = refine_boxes(together, fused, grid.m_per_px, measure)
+    balconies = of_label(on_fused, "balcony")
+    balconies = balconies.select(balconies.scores >= detector.score_threshold)
+    windows = measure_windows(refined, balconies, grid, cameras_in_facade, measure)
+    return ParsedFacade(windows, per_view, on_fused)
+
+
+def of_label(detections: Detections, label: str = "window") -> Detections:
+    """The detections of one label."""
+    return detections.select(np.asarray(detections.labels == label))
