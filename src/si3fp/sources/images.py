@@ -167,15 +167,18 @@ def seen_pixels(image: Image) -> NDArray[np.bool_]:
     Not seen are 4-connected near-black regions (no channel above 8) that touch the image border,
     grown by a square of 8 px; dark glass inside the picture is seen. Exact at full resolution.
     """
-    dark = cv2.inRange(image, np.zeros(3), np.full(3, float(NOT_SEEN_LEVEL)))
-    # A frame of one dark pixel joins all regions that touch the border: one flood finds them.
-    flooded = cv2.copyMakeBorder(dark, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=255)
-    cv2.floodFill(flooded, None, (0, 0), 1, flags=4)
-    outside = (flooded[1:-1, 1:-1] == 1).view(np.uint8)
+    height, width = image.shape[:2]
+    # A frame of one dark pixel joins all regions that touch the border: one flood finds them. All
+    # steps share one buffer, for most of the time goes into touching fresh memory.
+    framed = np.full((height + 2, width + 2), 255, np.uint8)
+    level = framed[1:-1, 1:-1]
+    cv2.inRange(image, np.zeros(3), np.full(3, float(NOT_SEEN_LEVEL)), dst=level)
+    cv2.floodFill(framed, None, (0, 0), 1, flags=4)
+    seen = level.view(np.bool_)
+    np.equal(level, 1, out=seen)
     side = 2 * NOT_SEEN_MARGIN_PX + 1
-    grown = np.asarray(cv2.dilate(outside, np.ones((side, side), np.uint8)), np.uint8)
-    seen: NDArray[np.bool_] = grown == 0
-    return seen
+    cv2.dilate(level, np.ones((side, side), np.uint8), dst=level)
+    return np.equal(level, 0, out=seen)
 
 
 def _decode(path: Path, header: ImageHeader) -> Image:
