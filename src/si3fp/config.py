@@ -89,6 +89,7 @@ class FacadeBoxConfig:
     area_weight: float = 0.5  # decision: cost of the share of the area that a box takes
     side_weight: float = 1.0  # decision: worth of sides that lie on lines
     prior_weight: float = 0.1  # decision: per unit of log density
+    min_support: float = 0.2  # decision: share of a side on lines, else the prior is kept
     dbscan_eps_m: float = 0.3  # decision: votes of views on one line
     edge_sigma_m: float = 0.5  # decision: accuracy of a footprint edge as a prior
     ground_sigma_m: float = 0.3  # decision: accuracy of the ground as a prior
