@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
+import honeybee_schema.model as honeybee
 import numpy as np
 import pytest
-from tests.scenes import Street, make_street
+from tests.scenes import Street, make_street, write_street
 
+from si3fp.evaluate import evaluate, facades_from_hbjson
 from si3fp.geometry.equirect import directions_from_pixels, pixels_from_directions
 from si3fp.geometry.planes import ray_plane_distances
+from si3fp.sources.footprints import footprints_in_world, read_footprints
+from si3fp.sources.local import image_loader, panoramas_in_world, read_panorama_records
 
 
 @pytest.fixture(scope="module")
@@ -82,3 +89,57 @@ def test_noise_stays_within_what_is_promised(street: Street) -> None:
         turn = exact.pano_from_world.rotation @ noisy.pano_from_world.rotation.T
         angle_deg = np.rad2deg(np.arccos((np.trace(turn) - 1) / 2))
         assert 0.15 < angle_deg < 0.32
+
+
+@pytest.fixture(scope="module")
+def folder(street: Street, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("street")
+    write_street(street, path)
+    return path
+
+
+def test_the_files_hold_the_noisy_panoramas_and_the_footprints(
+    street: Street, folder: Path
+) -> None:
+    panoramas = panoramas_in_world(
+        read_panorama_records(folder / "panoramas.geojson"), street.origin
+    )
+    for written, noisy in zip(panoramas, street.noisy, strict=True):
+        assert written.id == noisy.id
+        assert written.links == noisy.links
+        assert written.centre_in_world == pytest.approx(noisy.centre_in_world, abs=1e-3)
+        turn = written.pano_from_world.rotation @ noisy.pano_from_world.rotation.T
+        assert turn == pytest.approx(np.eye(3), abs=1e-5)
+        assert written.planes_in_pano is not None
+        assert noisy.planes_in_pano is not None
+        assert written.planes_in_pano.normals == pytest.approx(
+            noisy.planes_in_pano.normals, abs=1e-6
+        )
+        assert written.planes_in_pano.offsets_m == pytest.approx(noisy.planes_in_pano.offsets_m)
+        assert np.array_equal(written.plane_index, noisy.plane_index)
+    (footprint,) = footprints_in_world(
+        read_footprints(folder / "footprints.geojson"), street.origin
+    )
+    (true,) = street.footprints
+    assert footprint.outline_in_world == pytest.approx(true.outline_in_world, abs=1e-3)
+    assert (footprint.ground_m, footprint.height_m) == pytest.approx((0.0, true.height_m))
+
+
+def test_the_images_are_those_that_were_rendered(street: Street, folder: Path) -> None:
+    load = image_loader(read_panorama_records(folder / "panoramas.geojson"))
+    for name, image in street.images.items():
+        difference = np.abs(load(name).astype(float) - image)
+        assert difference.mean() < 5  # JPEG
+
+
+def test_the_true_model_is_a_valid_honeybee_model_of_the_same_facades(
+    street: Street, folder: Path
+) -> None:
+    model = json.loads((folder / "truth.hbjson").read_text())
+    honeybee.Model.model_validate(model)
+    origin, facades = facades_from_hbjson(model)
+    assert origin == street.origin
+    result = evaluate(facades, street.truth)
+    assert result.windows_total.f1 == 1.0
+    assert result.windows_total.mean_abs_position_error_m == pytest.approx(0.0, abs=1e-5)
+    assert result.wwr_total.mean_absolute == pytest.approx(0.0, abs=1e-5)

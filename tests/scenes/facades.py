@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -195,8 +196,8 @@ def _paint_window(
     casements = 1 if width_m < 0.85 else 2 if width_m < 1.75 else 3
     edges = np.linspace(0, width, casements + 1).round().astype(int)
     transom = [0, round(0.30 * height), height] if look.transom else [0, height]
-    for left, right in zip(edges[:-1], edges[1:], strict=True):
-        for top, bottom in zip(transom[:-1], transom[1:], strict=True):
+    for left, right in pairwise(edges):
+        for top, bottom in pairwise(transom):
             outer_l = left + (px(0.035) if left == 0 else px(0.01))
             outer_r = right - (px(0.035) if right == width else px(0.01))
             outer_t = top + (px(0.035) if top == 0 else px(0.015))

@@ -55,8 +55,7 @@ def _hit(
     surface: Surface, centre: NDArray[np.float64], rays: Float32, behind_m: float = 0.0
 ) -> tuple[Float32, Float32, Float32]:
     """Distance along the rays and place (u, v in metres) on the surface's plane."""
-    local = rays.reshape(-1, 3) @ surface.axes.T.astype(np.float32)
-    local = local.reshape(rays.shape)
+    local = np.asarray(cv2.transform(rays, surface.axes))
     start = surface.axes @ (centre - surface.corner)
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = np.float32(-start[2] - behind_m) / local[..., 2]
@@ -81,7 +80,7 @@ def _sample(
     hit: NDArray[np.bool_],
 ) -> Float32:
     """Picture values at places in metres, from the pyramid level that fits the rays' spacing."""
-    height, width = levels[0].shape[:2]
+    width = levels[0].shape[1]
     per_m = width / surface.width_m
     both = hit[:-1, :-1] & hit[1:, :-1] & hit[:-1, 1:]
     usual = 0.0
@@ -134,7 +133,7 @@ def _through_openings(
     colour = unit[..., :3]
     if glass.any():
         normal = surface.axes[2].astype(np.float32)
-        facing = rays @ normal
+        facing = rays[..., 0] * normal[0] + rays[..., 1] * normal[1] + rays[..., 2] * normal[2]
         tilt = np.random.default_rng(0).normal(0, 0.012, (256, 3)).astype(np.float32)
         away = rays - 2 * facing[..., None] * normal + tilt[left]
         yaw = np.arctan2(away[..., 0], away[..., 1]) / (2 * np.pi) + 0.5
@@ -223,9 +222,15 @@ def rays_of(
     """Unit rays (rows, columns, 3) in the world of a block of pixels, ``step_px`` apart."""
     x = left + (np.arange(size[1]) + 0.5) * step_px
     y = top + (np.arange(size[0]) + 0.5) * step_px
-    grid = np.stack(np.meshgrid(x, y), axis=-1)
-    rays = directions_from_pixels(grid, width_px, width_px // 2)
-    return world_from_pano.rotate(rays).astype(np.float32)
+    half = width_px // 2  # both the image's height and the column straight ahead
+    level = directions_from_pixels(np.stack([x, 0 * x + half / 2], axis=-1), width_px, half)
+    ahead = directions_from_pixels(np.stack([0 * y + half, y], axis=-1), width_px, half)
+    level, ahead = level.astype(np.float32), ahead.astype(np.float32)
+    rays = np.empty((*size, 3), np.float32)
+    rays[..., 0] = ahead[:, None, 2] * level[None, :, 0]
+    rays[..., 1] = ahead[:, None, 1]
+    rays[..., 2] = ahead[:, None, 2] * level[None, :, 2]
+    return np.asarray(cv2.transform(rays, world_from_pano.rotation), np.float32)
 
 
 def surfaces_hit(

@@ -75,9 +75,9 @@ class Street:
 def make_street(
     seed: int = 1, size: Size = "tiny", width_px: int | None = None, supersampling: int = 2
 ) -> Street:
-    """A street with truth: ``tiny`` (1 house, 3 panoramas), ``small`` (1, 5), ``street`` (3, 10)."""
+    """A street: ``tiny`` (1 house, 3 panoramas), ``small`` (1, 5) or ``street`` (3, 9)."""
     rng = np.random.default_rng([seed, 7])
-    width_px = width_px or {"tiny": 1024, "small": 3072, "street": 4096}[size]
+    width_px = width_px or {"tiny": 1024, "small": 3072, "street": 3072}[size]
     layout = lay_out(size, rng)
     surfaces = build_surfaces(layout, rng)
     turn_deg = float(rng.uniform(-25, 25))
@@ -199,7 +199,7 @@ def _photographed(picture: NDArray[np.float32], rng: np.random.Generator) -> Ima
     balance = rng.uniform(0.88, 1.10) * rng.uniform(0.98, 1.02, 3)
     values = np.clip(blurred * balance / 255, 0, None)
     toned = np.where(values > 0.8, 0.8 + 0.2 * np.tanh((values - 0.8) / 0.2), values) * 255
-    toned += rng.standard_normal(toned.shape[:2], dtype=np.float32)[..., None] * 1.4
+    toned += rng.standard_normal(toned.shape[:2], dtype=np.float32)[..., None] * 0.8
     return np.clip(toned, 0, 255).astype(np.uint8)
 
 

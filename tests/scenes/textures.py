@@ -9,6 +9,11 @@ from numpy.typing import NDArray
 Picture = NDArray[np.float32]
 
 
+def as_uint8(picture: Picture) -> NDArray[np.uint8]:
+    """The picture cut to 0..255 and rounded down."""
+    return np.clip(picture, 0, 255).astype(np.uint8)
+
+
 def noise(
     shape: tuple[int, int],
     rng: np.random.Generator,
@@ -149,7 +154,7 @@ def leaves(shape: tuple[int, int], m_per_px: float, rng: np.random.Generator) ->
     solid = 0.9 * clumps + 0.9 * leaf > 4.5 * (radius - 0.62)
     light = 0.55 + 0.16 * leaf + 0.15 * clumps + 0.35 * (1 - y / height)
     light *= 1 + 0.25 * rng.standard_normal(shape, dtype=np.float32)
-    rgb = np.clip(light, 0.12, 1.3)[..., None] * np.array([92, 116, 52], np.float32)
+    rgb = np.clip(light, 0.12, 1.3)[..., None] * np.array([84, 102, 50], np.float32)
     return np.concatenate([rgb, np.where(solid, 255, 0)[..., None]], axis=-1).astype(np.float32)
 
 
@@ -161,9 +166,11 @@ def sky(width_px: int, rng: np.random.Generator) -> Picture:
     blue = np.array([218, 226, 232], np.float32) * (1 - climb) + climb * np.array(
         [128, 164, 208], np.float32
     )
-    clouds = noise((height, width_px), rng, width_px / 10, 6)
-    seam = np.linspace(0, 1, width_px // 8, dtype=np.float32)
-    clouds[:, -len(seam) :] = clouds[:, -len(seam) :] * (1 - seam) + clouds[:, :1] * seam
+    seam = width_px // 4
+    fade = np.linspace(0, 1, seam, dtype=np.float32)
+    wide = noise((height, width_px + seam), rng, width_px / 10, 5)
+    clouds = wide[:, :width_px]
+    clouds[:, :seam] = clouds[:, :seam] * fade + wide[:, width_px:] * (1 - fade)
     cover = np.clip(0.45 + 0.4 * clouds, 0, 1)[..., None]
     white = np.clip(236 + 9 * clouds, 190, 252)[..., None] * np.array([0.985, 0.99, 1], np.float32)
     picture = blue * (1 - cover) + white * cover
@@ -174,7 +181,7 @@ def sky(width_px: int, rng: np.random.Generator) -> Picture:
     tone = np.repeat(rng.uniform(110, 175, width_px // 24 + 1), 24)[:width_px]
     tone = np.where(roofs > trees, tone, 96 + 6 * np.sin(bearing * 1.7)).astype(np.float32)
     hidden = pitch[:, None] < skyline[None, :]
-    far = (tone[None, :, None] * np.array([0.97, 1.0, 1.02], np.float32)) * 0.75 + 45
+    far = (tone[None, :, None] * np.array([0.97, 1.0, 1.02], np.float32)) * 0.55 + 88
     return np.where(hidden[..., None], far, picture).astype(np.float32)
 
 
@@ -193,11 +200,11 @@ def mirrored_world(sky_picture: Picture, rng: np.random.Generator) -> Picture:
 def pavement_and_road(
     shape: tuple[int, int], m_per_px: float, rng: np.random.Generator, kerbs_m: tuple[float, float]
 ) -> Picture:
-    """Ground of a street along x: slabs, kerbs at two heights of the picture (m from its bottom)."""
+    """Ground of a street along x; the kerbs lie at two heights above the lower edge."""
     height, width = shape
     y_m = (np.arange(height) + 0.5)[::-1] * m_per_px
     x_m = (np.arange(width) + 0.5) * m_per_px
-    asphalt = 92 + 7 * noise(shape, rng, 0.08, 1) + 6 * noise(shape, rng, 3.0 / m_per_px, 5)
+    asphalt = 92 + 4 * noise(shape, rng, 1, 1) + 6 * noise(shape, rng, 3.0 / m_per_px, 4)
     cracks = np.abs(noise(shape, rng, 2.5 / m_per_px, 4)) < 0.012
     asphalt = np.where(cracks, asphalt * 0.7, asphalt)
     row, column = (y_m / 0.35).astype(int), (x_m / 0.35).astype(int)
