@@ -44,6 +44,7 @@ MIN_INSULATION_M2K_W = 0.01
 
 PROGRAM = "si3fp residential"
 HVAC = "si3fp ideal heating"
+ALWAYS_ON, FRACTION = "Always On", "Fractional"  # honeybee's own names: it needs them anyway
 
 
 def _concrete(
@@ -198,14 +199,14 @@ def energy_properties(archetypes: Iterable[Archetype]) -> dict[str, Any]:
         ],
         "program_types": [_program()],
         "schedules": [
-            _constant_schedule("si3fp always on", "si3fp fraction", 1.0),
+            _constant_schedule(ALWAYS_ON, FRACTION, 1.0),
             _constant_schedule("si3fp heating", "si3fp temperature", HEATING_SETPOINT_C),
             _constant_schedule("si3fp cooling", "si3fp temperature", COOLING_SETPOINT_C),
         ],
         "schedule_type_limits": [
             {
                 "type": "ScheduleTypeLimit",
-                "identifier": "si3fp fraction",
+                "identifier": FRACTION,
                 "lower_limit": 0,
                 "upper_limit": 1,
                 "numeric_type": "Continuous",
@@ -230,7 +231,7 @@ def _program() -> dict[str, Any]:
             "type": "ElectricEquipmentAbridged",
             "identifier": "si3fp internal gains",
             "watts_per_area": INTERNAL_GAINS_W_M2,
-            "schedule": "si3fp always on",
+            "schedule": ALWAYS_ON,
             "radiant_fraction": 0.5,
             "latent_fraction": 0,
             "lost_fraction": 0,
