@@ -101,11 +101,11 @@ def test_a_concave_building_beside_another_simulates_and_lists_what_energyplus_s
         )
 
     court = building("court", [(0, 0), (6, 0), (12, 0), (12, 5), (6, 5), (6, 10), (0, 10)], 2)
-    house = building("house", [(12, 0), (20, 0), (20, 5), (12, 5)], 1)
+    house = building("house", [(12, 0), (20, 0), (20, 5), (12, 5)], 3)
     kinds = {"court": archetype("SE", 1970, 1970), "house": archetype("SE", 1950, 1970)}
     result = run(tmp_path, assemble([court, house], kinds, ThermalConfig()).hbjson)
     areas = {row.building_id: row.floor_area_m2 for row in result.buildings}
-    assert areas == pytest.approx({"court": 2 * 90, "house": 40})
+    assert areas == pytest.approx({"court": 2 * 90, "house": 3 * 40})
     assert all(30 < row.heating_kwh_m2 < 250 for row in result.buildings)
     assert any(line.startswith("Severe: ") and "non-convex" in line for line in result.warnings)
 
