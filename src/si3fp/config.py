@@ -85,6 +85,7 @@ class FacadeBoxConfig:
     relevant_views: int = 2  # paper: seen in several views
     relevant_distance_m: float = 0.15  # decision: one line in several views
     iterations: int = 2000  # decision; the paper does not say
+    cell_m: float = 1.0  # decision: lines of both directions so near together are structure
     min_size_m: float = 2.0  # decision: smaller boxes are no facades
     area_weight: float = 0.5  # decision: cost of the share of the area that a box takes
     side_weight: float = 1.0  # decision: worth of sides that lie on lines

@@ -8,9 +8,11 @@ report.html  simulation/  cache/``
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import os
 import re
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,6 +20,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 import si3fp
 from si3fp.errors import InputError, SourceError
@@ -73,6 +76,19 @@ def read_png(path: Path) -> Image:
     order = {3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGBA}
     colours = cv2.cvtColor(pixels, order[pixels.shape[2]]) if pixels.ndim == 3 else pixels
     return np.ascontiguousarray(colours, dtype=np.uint8)
+
+
+def write_array(path: Path, array: NDArray[Any]) -> None:
+    """Write a plain numeric array as ``.npy`` (no pickle)."""
+    stream = io.BytesIO()
+    np.save(stream, array, allow_pickle=False)
+    write_bytes(path, stream.getvalue())
+
+
+def read_array(path: Path) -> NDArray[Any]:
+    """An array that `write_array` wrote."""
+    array: NDArray[Any] = np.load(path, allow_pickle=False)
+    return array
 
 
 def dump_json(payload: Any) -> str:
@@ -165,6 +181,26 @@ class Workspace:
     def cache(self) -> Path:
         """Intermediate files that make a run resumable; may be deleted when it is done."""
         return self.root / "cache"
+
+    @property
+    def key(self) -> Path:
+        """Names the inputs and settings of the run."""
+        return self.cache / "key.json"
+
+    def raw_view(self, facade_id: str, panorama_id: str) -> Path:
+        """A view before registration, RGBA."""
+        return self.cache / "views" / safe_name(facade_id) / f"{safe_name(panorama_id)}.png"
+
+    def points(self, panorama_id: str) -> Path:
+        """Points of one panorama: (N, 6) x y z red green blue."""
+        return self.cache / "points" / f"{safe_name(panorama_id)}.npy"
+
+    def clear(self) -> None:
+        """Remove what a run writes, and nothing else."""
+        for folder in ("cache", "facades", "buildings", "simulation"):
+            shutil.rmtree(self.root / folder, ignore_errors=True)
+        for file in (self.run_json, self.model, self.windows_geojson, self.cloud, self.report):
+            file.unlink(missing_ok=True)
 
     def building(self, building_id: str) -> Path:
         """One building's HBJSON."""

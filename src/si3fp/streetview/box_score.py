@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -110,29 +111,45 @@ class ViewScore:
 
     Attributes
     ----------
-    lines_px, seen_px2
-        (h + 1, w + 1) running sums of line length and of seen area.
+    structure, seen_px2
+        (h + 1, w + 1) running sums of where lines of both directions meet, and of the seen area.
+    length_px, slack_px
+        Length of all lines; how far from a side a line still lies on it.
     horizontal, vertical
         Running sums along possible sides.
     """
 
-    lines_px: FloatArray
+    structure: FloatArray
     seen_px2: FloatArray
+    length_px: float
+    slack_px: float
     horizontal: _Sides
     vertical: _Sides
 
     @classmethod
-    def of(cls, lines: ViewLines, slack_px: float) -> ViewScore:
-        """The sums of a view; lines within slack_px of a side lie on it and do not cross it."""
+    def of(cls, lines: ViewLines, slack_px: float, cell_px: float) -> ViewScore:
+        """The sums of a view.
+
+        Parameters
+        ----------
+        lines
+            Its lines.
+        slack_px
+            Lines within this distance of a side lie on it and do not cross it.
+        cell_px
+            Horizontal and vertical lines within such a square belong together.
+        """
         rows, columns = lines.seen.shape
-        drawn = band(lines.horizontal, rows, columns, 0.5, np.ones(len(lines.horizontal)))[:rows]
-        drawn = (
-            drawn
-            + band(lines.vertical, columns, rows, 0.5, np.ones(len(lines.vertical))).T[:, :columns]
-        )
+        along = band(lines.horizontal, rows, columns, 0.5, np.ones(len(lines.horizontal)))[:rows]
+        up = band(lines.vertical, columns, rows, 0.5, np.ones(len(lines.vertical)))[:columns].T
+        cell = (max(1, round(cell_px)),) * 2
+        product = cv2.blur(along, cell) * cv2.blur(np.ascontiguousarray(up), cell)
+        meeting = np.sqrt(np.maximum(product, 0.0))
         return cls(
-            _running(np.pad(np.cumsum(drawn, axis=0), ((1, 0), (0, 0)))),
+            _running(np.pad(np.cumsum(meeting, axis=0), ((1, 0), (0, 0)))),
             _running(np.pad(np.cumsum(lines.seen, axis=0), ((1, 0), (0, 0)))),
+            float(lines.horizontal.length_px.sum() + lines.vertical.length_px.sum()),
+            slack_px,
             _Sides.of(lines.horizontal, lines.vertical, lines.seen, slack_px),
             _Sides.of(lines.vertical, lines.horizontal, lines.seen.T, slack_px),
         )
@@ -143,6 +160,7 @@ class ViewScore:
         Support is counted on what was seen, but on half of the side at least.
         """
         left, right, bottom, top = np.round(boxes_px).astype(np.int_).T
+        corner = int(np.ceil(self.slack_px))
         supported, seen, crossing = (np.empty(boxes_px.shape) for _ in range(3))
         for side, sums, at, start, stop in (
             (LEFT, self.vertical, left, top, bottom),
@@ -155,27 +173,35 @@ class ViewScore:
             support = sums.support[at, stop] - sums.support[at, start]
             supported[:, side] = support / np.maximum(visible, length / 2)
             seen[:, side] = visible / length
-            crossing[:, side] = sums.crossing[at, stop] - sums.crossing[at, start]
+            # Near a corner, what seems to cross is the line of the other side.
+            inner_start, inner_stop = (
+                np.minimum(start + corner, stop),
+                np.maximum(stop - corner, start),
+            )
+            crossed = sums.crossing[at, inner_stop] - sums.crossing[at, inner_start]
+            crossing[:, side] = np.maximum(crossed, 0.0)
         return supported, seen, crossing
 
     def score(self, boxes_px: FloatArray, config: FacadeBoxConfig) -> FloatArray:
         """Score (N,) of boxes (N, 4): a few tenths, larger is better.
 
         Every term is a share, so neither large boxes nor pictures with many lines win: the share
-        of all line length inside the box, minus the share that crosses its sides, minus the share
-        of the seen area that it takes, plus the mean share of its sides that lie on lines.
+        of the structure inside the box, minus the share of all line length that crosses its sides,
+        minus the share of the seen area that it takes, plus the mean share of its sides that lie
+        on lines. Structure is where horizontal and vertical lines meet, as at windows; tiles of a
+        roof and joints of a pavement run one way only.
         """
         left, right, bottom, top = np.round(boxes_px).astype(np.int_).T
 
         def inside(sums: FloatArray) -> FloatArray:
             part = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
-            share: FloatArray = part / max(float(sums[-1, -1]), 1.0)
+            share: FloatArray = part / max(float(sums[-1, -1]), 1e-9)
             return share
 
         supported, _, crossing = self.side_shares(boxes_px)
-        crossed = crossing.sum(axis=1) / max(float(self.lines_px[-1, -1]), 1.0)
+        crossed = crossing.sum(axis=1) / max(self.length_px, 1.0)
         total: FloatArray = (
-            inside(self.lines_px)
+            inside(self.structure)
             - crossed
             - config.area_weight * inside(self.seen_px2)
             + config.side_weight * supported.mean(axis=1)

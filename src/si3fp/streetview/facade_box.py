@@ -108,7 +108,7 @@ def find_facade_box(
     votes = np.full((len(lines), 4), np.nan)
     supported, seen = np.zeros((len(lines), 4)), np.zeros((len(lines), 4))
     for row, one in enumerate(lines):
-        score = ViewScore.of(one, slack_px)
+        score = ViewScore.of(one, slack_px, config.cell_m / m_per_px)
         box = best_box(score, candidates, priors, min_size_px, config, rng)
         if box is not None:
             votes[row] = box

@@ -141,7 +141,7 @@ def combine(
             scores.append(score)
             names.append(views_that_saw(box, views))
             spreads.append(np.zeros(4))
-    for index in np.flatnonzero(~taken):
+    for index in np.flatnonzero(~taken).tolist():
         box = agreed.detections.boxes_px[index]
         if boxes and iou_matrix(box[None], np.array(boxes)).max() > config.group_iou:
             continue

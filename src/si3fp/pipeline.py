@@ -1,0 +1,144 @@
+"""Algorithm 7: from panoramas and footprints to a thermal model, step by step of the paper."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+
+import si3fp
+from si3fp import steps
+from si3fp.config import StreetConfig
+from si3fp.errors import ReconstructionError
+from si3fp.model import Building, Facade, GeoOrigin, Missing
+from si3fp.streetview.cluster import cluster_walls
+from si3fp.windows.detect import OnnxDetector
+from si3fp.workspace import Workspace
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StreetRun:
+    """What a run ends with; everything is also in its folder.
+
+    Attributes
+    ----------
+    workspace
+        The folder.
+    origin
+        Origin of the world frame.
+    buildings, loose_facades
+        Buildings with their facades, and facades without a building.
+    missing
+        Facades that failed or were not seen.
+    """
+
+    workspace: Workspace
+    origin: GeoOrigin
+    buildings: tuple[Building, ...]
+    loose_facades: tuple[Facade, ...]
+    missing: tuple[Missing, ...]
+
+    @property
+    def failed(self) -> tuple[Missing, ...]:
+        """Facades that cameras saw and that failed all the same."""
+        return tuple(row for row in self.missing if row.step != "coverage")
+
+
+def run_street(
+    panoramas: Path,
+    footprints: Path | None,
+    out: Path,
+    config: StreetConfig | None = None,
+    *,
+    circle: steps.Circle | None = None,
+    columns: Mapping[str, str] | None = None,
+    overwrite: bool = False,
+    progress: steps.Progress = lambda step, done, total: None,
+) -> StreetRun:
+    """The StreetView path: steps S.1 to S.4, M.1 and M.2.
+
+    Parameters
+    ----------
+    panoramas
+        ``PANORAMAS.geojson`` or a folder of Photo Sphere JPEGs.
+    footprints
+        Footprints, or None: walls then become faces without a building.
+    out
+        The folder RUN; a run that was cut off goes on where it stopped.
+    config
+        Constants of the method.
+    circle
+        Limits the panoramas to a place and radius.
+    columns
+        Other spellings of the footprints' properties.
+    overwrite
+        Replace what the folder holds.
+    progress
+        Told how far each step is.
+
+    Raises
+    ------
+    InputError, SourceError, ReconstructionError
+        If the inputs cannot be used, the disk fails, or no facade is found at all.
+    """
+    config = config or StreetConfig()
+    workspace = Workspace(out)
+    started, seconds = datetime.now(UTC), dict[str, float]()
+    timed = partial(_timed, seconds=seconds)
+
+    with timed("S.1 collect"):
+        inputs = steps.collect(panoramas, footprints, config, circle=circle, columns=columns)
+        detector = OnnxDetector()
+        steps.claim(
+            workspace,
+            steps.run_key(inputs, config, detector.sha256, si3fp.__version__),
+            overwrite,
+        )
+    with timed("S.2 cluster"):
+        clusters = cluster_walls(
+            tuple(inputs.panoramas.values()), inputs.footprints, config.cluster
+        )
+        plans, unseen = steps.plan(inputs, clusters, config)
+        missing = [*clusters.missing, *unseen]
+    with timed("S.2 views"):
+        steps.make_views(inputs, plans, workspace, config, progress)
+        steps.write_cloud(inputs, workspace)
+    found: list[Facade] = []
+    for done, plan in enumerate(plans):
+        progress("facades", done, len(plans))
+        facade = steps.find_facade(plan, inputs, detector, workspace, config, timed)
+        if isinstance(facade, Missing):
+            missing.append(facade)
+        else:
+            found.append(facade)
+    progress("facades", len(plans), len(plans))
+    with timed("M.2 model"):
+        buildings, loose, rows = steps.build_models(
+            inputs, found, missing, config.cluster.default_height_m, workspace, config
+        )
+    about = {
+        "started": started.isoformat(timespec="seconds"),
+        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+        "seconds": {step: round(value, 2) for step, value in seconds.items()},
+        "detector": {"name": detector.name, "sha256": detector.sha256},
+        "config": config.as_dict(),
+    }
+    steps.write_run(workspace, inputs, clusters, missing, rows, about)
+    if not found:
+        reasons = "; ".join(f"{row.facade_id}: {row.reason}" for row in missing[:5])
+        raise ReconstructionError(
+            f"No facade was found in {len(inputs.panoramas)} panoramas ({reasons or 'no walls'}). "
+            f"{out}/run.json lists every wall; check the poses' datum and the footprints."
+        )
+    return StreetRun(workspace, inputs.origin, tuple(buildings), tuple(loose), tuple(missing))
+
+
+@contextmanager
+def _timed(step: str, seconds: dict[str, float]) -> Iterator[None]:
+    start = time.monotonic()
+    yield
+    seconds[step] = seconds.get(step, 0.0) + time.monotonic() - start
