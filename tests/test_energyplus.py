@@ -94,20 +94,47 @@ def test_worse_windows_need_more_heat(simulated, tmp_path):
 
 
 @needs_energyplus
-def test_a_concave_building_beside_another_simulates_and_lists_what_energyplus_says(tmp_path):
-    def building(name, outline, storeys):
-        return Building(
-            name, GeoOrigin(57.7, 12.0, 0), np.array(outline, float), 0.0, 3.0 * storeys, storeys
-        )
+def test_a_concave_building_beside_another_simulates(tmp_path):
+    def building(name, outline, storeys, base_z_m):
+        corners = np.array(outline, float)
+        return Building(name, GeoOrigin(57.7, 12.0, 0), corners, base_z_m, 3.0 * storeys, storeys)
 
-    court = building("court", [(0, 0), (6, 0), (12, 0), (12, 5), (6, 5), (6, 10), (0, 10)], 2)
-    house = building("house", [(12, 0), (20, 0), (20, 5), (12, 5)], 3)
+    court = building("court", [(0, 0), (6, 0), (12, 0), (12, 5), (6, 5), (6, 10), (0, 10)], 2, 0.5)
+    house = building("house", [(12, 0), (20, 0), (20, 5), (12, 5)], 1, 0.0)
     kinds = {"court": archetype("SE", 1970, 1970), "house": archetype("SE", 1950, 1970)}
     result = run(tmp_path, assemble([court, house], kinds, ThermalConfig()).hbjson)
     areas = {row.building_id: row.floor_area_m2 for row in result.buildings}
-    assert areas == pytest.approx({"court": 2 * 90, "house": 3 * 40})
+    assert areas == pytest.approx({"court": 2 * 90, "house": 40})
     assert all(30 < row.heating_kwh_m2 < 250 for row in result.buildings)
-    assert any(line.startswith("Severe: ") and "non-convex" in line for line in result.warnings)
+
+
+MESSAGES = """Program Version,EnergyPlus
+   ** Warning ** Some values
+   **   ~~~   ** may be odd.
+   ** Severe  ** A casting surface
+   **   ~~~   ** is non-convex.
+   ************* Testing Individual Branch Integrity
+"""
+
+
+@pytest.mark.parametrize(("ending", "code"), [("", 0), ("   **  Fatal  ** Stopped.\n", 0), ("", 1)])
+@pytest.mark.skipif(sys.platform == "win32", reason="the stand-in for Python is a shell script")
+def test_only_a_run_that_stops_is_an_error(tmp_path, monkeypatch, ending, code):
+    (tmp_path / "said").write_text(MESSAGES + ending)
+    stand_in = tmp_path / "python"
+    stand_in.write_text(f"#!/bin/sh\necho news\ncp said eplusout.err\nexit {code}\n")
+    stand_in.chmod(0o755)
+    monkeypatch.setattr(energyplus.sys, "executable", str(stand_in))
+    lines = []
+    if ending or code:
+        with pytest.raises(SimulationError, match="A casting surface is non-convex") as caught:
+            energyplus._run(tmp_path / "job.json", tmp_path, lines.append)
+        assert "may be odd" not in str(caught.value)
+    else:
+        energyplus._run(tmp_path / "job.json", tmp_path, lines.append)
+        severe = energyplus._messages(tmp_path / "eplusout.err", "Severe")
+        assert severe == ["A casting surface is non-convex."]
+    assert lines == ["news"]
 
 
 @needs_energyplus
