@@ -59,7 +59,7 @@ def simulated(tmp_path_factory):
 def test_a_box_needs_a_plausible_amount_of_heat_in_winter(simulated):
     result, lines = simulated
     (demand,) = result.buildings
-    assert demand.building_id == "b"
+    assert demand.id == "b"
     assert demand.floor_area_m2 == pytest.approx(2 * 12 * 9)
     # A steady-state balance of this box by hand. Loss in W/K: walls, windows, roof, half of the
     # floor (soil), air; over the heating season, less the heat of people and appliances.
@@ -79,7 +79,7 @@ def test_a_box_needs_a_plausible_amount_of_heat_in_winter(simulated):
     assert min(months[0], months[11]) > 10 * max(months[6], months[7])
     assert "25.2" in result.energyplus
     assert result.weather.startswith("Chicago")
-    assert json.loads(json.dumps(result.as_dict()))["buildings"][0]["building_id"] == "b"
+    assert json.loads(json.dumps(result.as_dict()))["buildings"][0]["id"] == "b"
     assert any("%" in line for line in lines)
 
 
@@ -103,7 +103,7 @@ def test_a_concave_building_beside_another_simulates(tmp_path):
     house = building("house", [(12, 0), (20, 0), (20, 5), (12, 5)], 1, 0.0)
     kinds = {"court": archetype("SE", 1970, 1970), "house": archetype("SE", 1950, 1970)}
     result = run(tmp_path, assemble([court, house], kinds, ThermalConfig()).hbjson)
-    areas = {row.building_id: row.floor_area_m2 for row in result.buildings}
+    areas = {row.id: row.floor_area_m2 for row in result.buildings}
     assert areas == pytest.approx({"court": 2 * 90, "house": 40})
     assert all(30 < row.heating_kwh_m2 < 250 for row in result.buildings)
 

@@ -213,10 +213,10 @@ def write_run(root, m_per_px=0.1, building="west <wing> & co"):
     months = [9100, 7800, 6900, 4100, 1800, 300, 60, 120, 900, 3600, 6300, 8600]
     floor_area_m2 = 792.0
     simulation = {
-        "epw": "/somewhere/stockholm.epw",
+        "weather": "Stockholm",
         "buildings": [
             {"id": building, "floor_area_m2": floor_area_m2, "heating_kwh": sum(months),
-             "heating_kwh_m2": sum(months) / floor_area_m2, "monthly_kwh": months},
+             "heating_kwh_m2": sum(months) / floor_area_m2, "heating_kwh_by_month": months},
         ],
     }  # fmt: skip
     workspace.write_json(workspace.simulation / "result.json", "simulation", simulation)

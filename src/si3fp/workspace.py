@@ -178,6 +178,11 @@ class Workspace:
         return self.root / "simulation"
 
     @property
+    def simulation_result(self) -> Path:
+        """Heating demand per building and month."""
+        return self.simulation / "result.json"
+
+    @property
     def cache(self) -> Path:
         """Intermediate files that make a run resumable; may be deleted when it is done."""
         return self.root / "cache"

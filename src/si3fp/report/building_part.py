@@ -132,9 +132,9 @@ def _simulation(building: BuildingRecords, simulation: Record) -> Markup | None:
     result = building.simulation
     if not result:
         return None
-    monthly = result.get("monthly_kwh")
+    monthly = result.get("heating_kwh_by_month")
     drawable = isinstance(monthly, list) and len(monthly) == 12 and all(map(is_number, monthly))
-    weather = simulation.get("epw")
+    weather = simulation.get("weather")
     return tag(
         "div",
         tag("h4", "Heating demand, simulated with EnergyPlus"),

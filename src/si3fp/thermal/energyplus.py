@@ -34,7 +34,7 @@ class BuildingDemand:
 
     Attributes
     ----------
-    building_id
+    id
         The building.
     floor_area_m2
         Gross floor area of all storeys.
@@ -44,7 +44,7 @@ class BuildingDemand:
         Sum, and per floor area.
     """
 
-    building_id: str
+    id: str
     floor_area_m2: float
     heating_kwh_by_month: tuple[float, ...]
     heating_kwh: float
@@ -277,7 +277,7 @@ def _demands(
         ]
         area_m2 = sum(own.values())
         yield BuildingDemand(
-            building_id=building_id,
+            id=building_id,
             floor_area_m2=area_m2,
             heating_kwh_by_month=tuple(months),
             heating_kwh=sum(months),

@@ -1,0 +1,245 @@
+"""The command line: every verb is a thin shell around an importable function.
+
+Results go to stdout, progress and messages to stderr. Exit codes: 0 done, 1 an error with a
+message, 2 wrong usage, 3 done but a facade that cameras saw failed, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import NoReturn
+
+import click
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+)
+
+import si3fp
+from si3fp.config import StreetConfig
+from si3fp.errors import InputError, Si3fpError
+from si3fp.pipeline import StreetRun, run_street
+from si3fp.report.map_layer import windows_geojson
+from si3fp.report.run_report import write_report
+from si3fp.steps import Circle
+from si3fp.steps import Progress as Report
+from si3fp.workspace import Workspace, dump_json, read_json, write_text
+
+EXIT_FACADE_FAILED = 3
+EXIT_INTERRUPTED = 130
+
+existing_file = click.Path(path_type=Path)
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(si3fp.__version__, prog_name="si3fp")
+def verbs() -> None:
+    """Street panoramas or photos of a building to a thermal 3D model with its real windows."""
+
+
+@verbs.command()
+@click.argument("panoramas", type=existing_file)
+@click.option("--footprints", type=existing_file, help="Footprints: GeoJSON or GeoPackage.")
+@click.option("-o", "--out", type=existing_file, required=True, help="Folder of the run.")
+@click.option("--lat", type=float, help="Centre of the neighbourhood, with --lon and --radius-m.")
+@click.option("--lon", type=float)
+@click.option("--radius-m", type=float)
+@click.option(
+    "--column",
+    "columns",
+    multiple=True,
+    metavar="NAME=SPELLING",
+    help="Another spelling of a footprint property, for example height_m=HOEHE.",
+)
+@click.option("--m-per-px", type=float, help="Resolution of the facades (default 0.02).")
+@click.option("--country", help="Country of the thermal tables (default SE).")
+@click.option("--seed", type=int, default=0, show_default=True)
+@click.option("--no-recess-correction", is_flag=True, help="Leave window edges as they appear.")
+@click.option("--overwrite", is_flag=True, help="Replace what the folder holds.")
+def street(
+    panoramas: Path,
+    footprints: Path | None,
+    out: Path,
+    lat: float | None,
+    lon: float | None,
+    radius_m: float | None,
+    columns: tuple[str, ...],
+    m_per_px: float | None,
+    country: str | None,
+    seed: int,
+    no_recess_correction: bool,
+    overwrite: bool,
+) -> None:
+    """Street panoramas to a thermal model (steps S.1 to S.4, M.1, M.2).
+
+    PANORAMAS is a GeoJSON list or a folder of Photo Sphere JPEGs.
+    """
+    config = StreetConfig(seed=seed)
+    if m_per_px is not None:
+        if not 0.002 <= m_per_px <= 0.2:
+            raise click.BadParameter("from 0.002 to 0.2 metres", param_hint="--m-per-px")
+        config = replace(config, ortho=replace(config.ortho, m_per_px=m_per_px))
+    if country is not None:
+        config = replace(config, thermal=replace(config.thermal, country=country))
+    if no_recess_correction:
+        config = replace(config, measure=replace(config.measure, correct_recess=False))
+    with progress_bars() as progress:
+        run = run_street(
+            panoramas,
+            footprints,
+            out,
+            config,
+            circle=_circle(lat, lon, radius_m),
+            columns=_columns(columns),
+            overwrite=overwrite,
+            progress=progress,
+        )
+    finish_street(run)
+    click.echo(summary(out))
+    if run.failed:
+        sys.exit(EXIT_FACADE_FAILED)
+
+
+@verbs.command()
+@click.argument("run", type=existing_file)
+@click.option("--epw", type=existing_file, required=True, help="Weather file (EPW).")
+def simulate(run: Path, epw: Path) -> None:
+    """Simulate the heating demand of a run's model with EnergyPlus (extra `energy`)."""
+    from si3fp.thermal.energyplus import simulate as run_energyplus  # noqa: PLC0415
+
+    workspace = Workspace(run)
+    if not workspace.model.exists():
+        raise InputError(f"{run} holds no model.hbjson; run `si3fp street ... -o {run}` first.")
+    with progress_lines() as say:
+        result = run_energyplus(workspace.model, epw, workspace.simulation, progress=say)
+    workspace.write_json(workspace.simulation_result, "simulation", result.as_dict())
+    write_report(run)
+    for building in result.buildings:
+        click.echo(
+            f"{building.id}: {building.heating_kwh:,.0f} kWh heating a year, "
+            f"{building.heating_kwh_m2:.0f} kWh/m2"
+        )
+    click.echo(f"report: {workspace.report}")
+
+
+@verbs.command()
+@click.argument("run", type=existing_file)
+@click.option("--json", "as_json", is_flag=True, help="Machine-readable.")
+def info(run: Path, as_json: bool) -> None:
+    """What a run found."""
+    if as_json:
+        click.echo(dump_json(read_json(Workspace(run).run_json)), nl=False)
+    else:
+        click.echo(summary(run))
+
+
+def finish_street(run: StreetRun) -> None:
+    """The map layer and the report of a run."""
+    layer = windows_geojson(run.buildings, run.origin, run.loose_facades)
+    write_text(run.workspace.windows_geojson, dump_json(layer))
+    write_report(run.workspace.root)
+
+
+def summary(run: Path) -> str:
+    """A few lines on what a run found and where to look."""
+    workspace = Workspace(run)
+    about = read_json(workspace.run_json)
+    lines = []
+    facades = workspace.facade_ids()
+    for name in facades:
+        facade = read_json(workspace.facade(name, "facade.json"))
+        windows = read_json(workspace.facade(name, "windows.json"))["windows"]
+        lines.append(
+            f"{name}: {facade['width_m']:.2f} x {facade['height_m']:.2f} m, "
+            f"{len(windows)} windows, WWR {facade['wwr']:.3f}"
+        )
+    for row in about["missing"]:
+        if row["step"] != "coverage":
+            lines.append(f"{row['facade_id']}: failed in {row['step']}: {row['reason']}")
+    unseen = sum(row["step"] == "coverage" for row in about["missing"])
+    if unseen:
+        lines.append(f"{unseen} facades not seen by any panorama")
+    for building in about["buildings"]:
+        if building["wwr"] is not None:
+            lines.append(
+                f"{building['id']}: {building['storeys']} storeys, WWR {building['wwr']:.3f}"
+            )
+    lines += [f"model: {workspace.model}", f"report: {workspace.report}"]
+    return "\n".join(lines)
+
+
+def _circle(lat: float | None, lon: float | None, radius_m: float | None) -> Circle | None:
+    if lat is None and lon is None and radius_m is None:
+        return None
+    if lat is None or lon is None or radius_m is None:
+        raise click.UsageError("--lat, --lon and --radius-m go together.")
+    return Circle(lat, lon, radius_m)
+
+
+def _columns(pairs: tuple[str, ...]) -> dict[str, str] | None:
+    columns = {}
+    for pair in pairs:
+        name, separator, spelling = pair.partition("=")
+        if not (name and separator and spelling):
+            raise click.BadParameter(f"{pair!r} is not NAME=SPELLING", param_hint="--column")
+        columns[name] = spelling
+    return columns or None
+
+
+@contextmanager
+def progress_bars() -> Iterator[Report]:
+    """A function for `run_street` that draws one bar per step on stderr."""
+    bars = Progress(
+        TextColumn("{task.description:10}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        console=Console(stderr=True),
+    )
+    tasks: dict[str, TaskID] = {}
+    with bars:
+
+        def progress(step: str, done: int, total: int) -> None:
+            if step not in tasks:
+                tasks[step] = bars.add_task(step, total=total)
+            bars.update(tasks[step], completed=done, total=total)
+
+        yield progress
+
+
+@contextmanager
+def progress_lines() -> Iterator[Callable[[str], None]]:
+    """A function that shows the latest line of a long job on stderr."""
+    with Console(stderr=True).status("EnergyPlus") as status:
+        yield lambda line: status.update(f"EnergyPlus: {line}")
+
+
+def main() -> NoReturn:
+    """Entry point: a `Si3fpError` is a message and exit code 1; anything else is a bug."""
+    try:
+        verbs(standalone_mode=False)
+    except click.exceptions.Exit as stop:
+        sys.exit(stop.exit_code)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(error.exit_code)
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("Interrupted. The same command continues where it stopped.", err=True)
+        sys.exit(EXIT_INTERRUPTED)
+    except Si3fpError as error:
+        click.echo(f"Error: {error}", err=True)
+        sys.exit(1)
+    sys.exit(0)
+
+
+if __name__ == "__main__":
+    main()
