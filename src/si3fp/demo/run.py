@@ -74,7 +74,7 @@ def _simulate(workspace: Workspace) -> None:
     click.echo(f"Heating demand with the weather of {result.weather}:")
     for building in result.buildings:
         click.echo(
-            f"  {building.building_id:12} {building.heating_kwh:10,.0f} kWh a year, "
+            f"  {building.id:12} {building.heating_kwh:10,.0f} kWh a year, "
             f"{building.heating_kwh_m2:4.0f} kWh/m2"
         )
     click.echo()
