@@ -14,6 +14,7 @@ from si3fp.geometry.equirect import directions_from_pixels
 from si3fp.geometry.rigid import Rigid3
 
 Float32 = NDArray[np.float32]
+SUPERSAMPLING = 2  # rays per pixel and axis where there is more than ground and sky
 
 
 @dataclass(frozen=True)
@@ -259,7 +260,6 @@ def render_panorama(
     width_px: int,
     sky: Picture,
     mirrored: Picture,
-    supersampling: int = 2,
 ) -> Picture:
     """Equirectangular colours (W / 2, W, 3), float32 in 0..255, anti-aliased."""
     tiles_x = 32 if width_px >= 2048 else 16
@@ -272,7 +272,7 @@ def render_panorama(
         for column in range(tiles_x):
             block = np.s_[row * cells : (row + 1) * cells, column * cells : (column + 1) * cells]
             there = [s for s, seen in zip(surfaces, crossed, strict=True) if seen[block].any()]
-            fine = supersampling if any(s.facade or not s.plane for s in there) else 1
+            fine = SUPERSAMPLING if any(s.facade or not s.plane for s in there) else 1
             rays = rays_of(
                 world_from_pano, width_px, column * tile, row * tile, (tile * fine,) * 2, 1 / fine
             )

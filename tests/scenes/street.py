@@ -72,9 +72,7 @@ class Street:
         return self.images[panorama_id]
 
 
-def make_street(
-    seed: int = 1, size: Size = "tiny", width_px: int | None = None, supersampling: int = 2
-) -> Street:
+def make_street(seed: int = 1, size: Size = "tiny", width_px: int | None = None) -> Street:
     """A street: ``tiny`` (1 house, 3 panoramas), ``small`` (1, 5) or ``street`` (3, 9)."""
     rng = np.random.default_rng([seed, 7])
     width_px = width_px or {"tiny": 1024, "small": 3072, "street": 3072}[size]
@@ -103,7 +101,7 @@ def make_street(
         panorama = Panorama(name, "2024-06", pose.pano_from_world, links=links)
         panorama = _with_planes(panorama, surfaces, world_from_pano)
         noisy_pose = _disturbed(pose, rng)
-        picture = render_panorama(surfaces, world_from_pano, width_px, sky, mirrored, supersampling)
+        picture = render_panorama(surfaces, world_from_pano, width_px, sky, mirrored)
         exact.append(panorama)
         noisy.append(_disturbed_panorama(panorama, noisy_pose, rng))
         exact_poses[name], noisy_poses[name] = pose, noisy_pose
