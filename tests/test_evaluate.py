@@ -193,7 +193,9 @@ def rectangle(
     }
 
 
-def wall_face(name: str, z0: float, z1: float, facade_id: str | None = "a-0", **more: object) -> dict[str, object]:
+def wall_face(
+    name: str, z0: float, z1: float, facade_id: str | None = "a-0", **more: object
+) -> dict[str, object]:
     return {
         "type": "Face",
         "identifier": name,
@@ -205,7 +207,9 @@ def wall_face(name: str, z0: float, z1: float, facade_id: str | None = "a-0", **
     }
 
 
-def aperture(name: str, box: tuple[float, float, float, float], window_id: str | None = None) -> dict[str, object]:
+def aperture(
+    name: str, box: tuple[float, float, float, float], window_id: str | None = None
+) -> dict[str, object]:
     data = {} if window_id is None else {"window_id": window_id}
     return {"type": "Aperture", "identifier": name, "geometry": rectangle(*box), "user_data": data}
 
