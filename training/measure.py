@@ -30,24 +30,25 @@ Predict = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """RGB uint8 (H, W, 3) to scores (2, H/4, W/4) and distances (4, H/4, W/4)."""
 _LOWEST = 0.05
 _LARGEST = 1024
+_UPRIGHT = ("hslu-rectified", "spb")
+"""Validation sets that look like the runtime's orthographic pictures."""
 
 
-def views(facade: Facade) -> list[tuple[str, Sample]]:
+def views(facade: Facade, factor: float = 1.0) -> list[tuple[str, Sample]]:
     """(set name, sample) of a picture as it is and, where possible, rectified.
 
-    The scale makes the true median window 35 px high, which the runtime reaches by its metres per
-    pixel instead. Sides are multiples of 32, at most 1024 px.
+    The scale makes the true median window 35 px times ``factor`` high, which the runtime reaches by
+    its metres per pixel instead. Sides are multiples of 32, at most 1024 px.
     """
     short = facade.source.removesuffix("-facades")
     found = []
     height, width = facade.levels[0].shape[:2]
-    scale = NOMINAL_HEIGHT / median_height(facade)
+    scale = factor * NOMINAL_HEIGHT / median_height(facade)
     matrix = scaling(scale, scale)
     corners = np.array([[0, 0], [width * scale, height * scale]])
     found.append((short, _view(facade, matrix, corners, upright=False)))
     for rectification in facade.rectifications[:1]:
-        unit = median_height(facade, rectification)
-        scale = NOMINAL_HEIGHT / unit
+        scale = factor * NOMINAL_HEIGHT / median_height(facade, rectification)
         matrix = scaling(scale, scale) @ rectification
         points = [
             p
@@ -57,7 +58,8 @@ def views(facade: Facade) -> list[tuple[str, Sample]]:
         upright = [p for p in points if _fills(p)]
         if len(upright) < 4:
             continue
-        box = bounds(np.concatenate(upright)) + 2 * NOMINAL_HEIGHT * np.array([-1, -1, 1, 1])
+        margin = 2 * factor * NOMINAL_HEIGHT
+        box = bounds(np.concatenate(upright)) + margin * np.array([-1, -1, 1, 1])
         found.append((f"{short}-rectified", _view(facade, matrix, box.reshape(2, 2), True)))
     return found
 
@@ -77,9 +79,11 @@ def _view(facade: Facade, matrix: np.ndarray, corners: np.ndarray, upright: bool
     return Sample(image, boxes, labels)
 
 
-def all_views(facades: list[Facade]) -> list[tuple[str, tuple[int, ...], Sample]]:
+def all_views(
+    facades: list[Facade], factor: float = 1.0
+) -> list[tuple[str, tuple[int, ...], Sample]]:
     """(set name, labelled classes, sample) of every view of every picture."""
-    return [(name, f.classes, sample) for f in facades for name, sample in views(f)]
+    return [(name, f.classes, sample) for f in facades for name, sample in views(f, factor)]
 
 
 def _match(
@@ -104,10 +108,15 @@ def _match(
     return outcome, overlap
 
 
-def evaluate(predict: Predict, seen: list[tuple[str, tuple[int, ...], Sample]]) -> dict:
-    """Per "set/class" (and "all/class"): n, ap50, f1_50, f1_75, threshold, mean_iou, ...
+def _groups(name: str) -> tuple[str, ...]:
+    return (name, "all", "upright") if name in _UPRIGHT else (name, "all")
 
-    The threshold is the one of the best F1 at IoU 0.5 for that entry; ``rows`` are curves.
+
+def evaluate(predict: Predict, seen: list[tuple[str, tuple[int, ...], Sample]]) -> dict:
+    """Metrics per "set/class", "all/class" and "upright/class" (sets like the runtime's pictures).
+
+    The threshold is the one of the best F1 at IoU 0.5 for that entry; ``f1_75``, precision, recall
+    and the mean IoU of the hits are at that threshold.
     """
     groups: dict[str, dict[float, list]] = {}
     counts: dict[str, int] = {}
@@ -119,7 +128,7 @@ def evaluate(predict: Predict, seen: list[tuple[str, tuple[int, ...], Sample]]) 
         ignored = sample.boxes[sample.labels == IGNORE]
         for k in classes:
             truth = sample.boxes[sample.labels == k]
-            for key in (f"{name}/{LABELS[k]}", f"all/{LABELS[k]}"):
+            for key in [f"{group}/{LABELS[k]}" for group in _groups(name)]:
                 counts[key] = counts.get(key, 0) + len(truth)
                 for limit in (0.5, 0.75):
                     outcome, overlap = _match(boxes[kinds == k], truth, ignored, limit)
@@ -197,11 +206,16 @@ def main() -> None:
     parser.add_argument("--model", type=Path, required=True)
     parser.add_argument("--data", help="data folder (default: SI3FP_TEST_DATA)")
     parser.add_argument("--set", choices=["validation", "cmp"], default="validation")
+    parser.add_argument("--factor", type=float, default=1.0, help="times the normal scale")
     options = parser.parse_args()
     folder = data_folder(options.data)
     cmp = options.set == "cmp"
     facades = read_set(folder, "cmp-facades") if cmp else read_validation(folder)
-    print(json.dumps(evaluate(onnx_predictor(options.model), all_views(facades)), indent=1))
+    print(
+        json.dumps(
+            evaluate(onnx_predictor(options.model), all_views(facades, options.factor)), indent=1
+        )
+    )
 
 
 if __name__ == "__main__":
