@@ -24,7 +24,7 @@ TOLERANCE_M = 0.12
 """Two raster pixels of 0.05 m and the spread of the detector's line positions."""
 
 
-def paint(seed=0, *, shift_m=(0.0, 0.0), texture=6.0, roof=False) -> np.ndarray:
+def paint(seed=0, *, shift_m=(0.0, 0.0), texture=6.0, roof=False, gutter=False) -> np.ndarray:
     """A wall of 12.7 x 8.7 m with 3 x 4 windows; all edges at the module's constants."""
     rng = np.random.default_rng(seed)
     picture = np.full((GRID.height_px, GRID.width_px, 3), (205, 215, 235), np.float32)
@@ -41,6 +41,9 @@ def paint(seed=0, *, shift_m=(0.0, 0.0), texture=6.0, roof=False) -> np.ndarray:
         box(LEFT_M, TOP_M, RIGHT_M, TOP_M + 2.2, (96, 70, 62))
         for n in range(8):
             box(LEFT_M, TOP_M + 0.27 * n, RIGHT_M, TOP_M + 0.27 * n + 0.03, (80, 58, 50))
+    if gutter:
+        box(LEFT_M - 0.3, TOP_M, RIGHT_M + 0.3, TOP_M + 0.3, (140, 136, 128))  # soffit from below
+        box(LEFT_M - 0.3, TOP_M + 0.3, RIGHT_M + 0.3, TOP_M + 0.5, (70, 70, 72))
     box(LEFT_M, BOTTOM_M, RIGHT_M, TOP_M, (178, 164, 130))
     box(-3, -3, 20, BOTTOM_M, (105, 104, 102))
     for row in range(3):
@@ -89,6 +92,11 @@ def test_the_box_needs_no_prior():
 def test_the_eaves_come_from_the_images_not_from_the_roof():
     assert_is_the_wall(found(views(roof=True), TRUTH))
     assert_is_the_wall(found(views(roof=True), PriorBox(LEFT_M, RIGHT_M, BOTTOM_M, None)))
+
+
+def test_a_gutter_in_front_of_the_wall_does_not_raise_the_eaves():
+    assert_is_the_wall(found(views(gutter=True), TRUTH))
+    assert_is_the_wall(found(views(gutter=True), PriorBox(LEFT_M, RIGHT_M, BOTTOM_M, TOP_M + 1)))
 
 
 @pytest.mark.parametrize("error_m", [-2.0, 2.0])
@@ -144,6 +152,13 @@ def test_nothing_to_see_and_no_prior_is_an_error_that_names_the_side():
         found(blank, PriorBox())
     with pytest.raises(FacadeError, match="no line for the top side"):
         found([], PriorBox(LEFT_M, RIGHT_M, BOTTOM_M, None))
+
+
+def test_a_prior_beyond_the_grid_does_not_hide_the_wall():
+    box = found(views(), PriorBox(LEFT_M, RIGHT_M, BOTTOM_M, GRID.height_m + 1.0))
+    assert_is_the_wall(box)
+    box = found(views(), PriorBox(-0.6, GRID.width_m + 0.7, -0.5, TOP_M))
+    assert box.evidence[3] == "images"
 
 
 def test_a_prior_without_area_is_an_error():

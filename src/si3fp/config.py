@@ -71,8 +71,6 @@ class AlignConfig:
     match_sigma_m: float = 0.03  # decision: accuracy of a SIFT match at m_per_px
     position_sigma_m: float = 0.15  # decision: GNSS error of one panorama
     direction_sigma_deg: float = 0.3  # decision: orientation error of one panorama
-    prior_linear: float = 0.02  # decision: rotation (0.5 degrees) and scale error of one view
-    prior_perspective_per_m: float = 0.001  # decision: 0.5 degrees at 10 m
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,9 +86,11 @@ class FacadeBoxConfig:
     cell_m: float = 1.0  # decision: lines of both directions so near together are structure
     min_size_m: float = 2.0  # decision: smaller boxes are no facades
     area_weight: float = 0.5  # decision: cost of the share of the area that a box takes
-    side_weight: float = 1.0  # decision: worth of sides that lie on lines
+    side_weight: float = 0.6  # decision: worth of sides that lie on lines
     prior_weight: float = 0.1  # decision: per unit of log density
     min_support: float = 0.2  # decision: share of a side on lines, else the prior is kept
+    overhang_m: float = 0.6  # decision: gutters and cornices appear this far above the wall's end
+    overhang_support: float = 0.7  # decision: share of the eaves on a line that replaces them
     dbscan_eps_m: float = 0.3  # decision: votes of views on one line
     edge_sigma_m: float = 0.5  # decision: accuracy of a footprint edge as a prior
     ground_sigma_m: float = 0.3  # decision: accuracy of the ground as a prior

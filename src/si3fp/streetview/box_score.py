@@ -154,12 +154,18 @@ class ViewScore:
             _Sides.of(lines.vertical, lines.horizontal, lines.seen.T, slack_px),
         )
 
+    def _boundaries(self, boxes_px: FloatArray) -> IntArray:
+        """(4, N) pixel boundaries of boxes (N, 4); what lies beyond the raster ends with it."""
+        rows, columns = (size - 1 for size in self.seen_px2.shape)
+        clipped = np.clip(np.round(boxes_px), 0, [columns, columns, rows, rows])
+        return clipped.astype(np.int_).T
+
     def side_shares(self, boxes_px: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Supported and seen share of each side, and line length crossing it, each (N, 4).
 
         Support is counted on what was seen, but on half of the side at least.
         """
-        left, right, bottom, top = np.round(boxes_px).astype(np.int_).T
+        left, right, bottom, top = self._boundaries(boxes_px)
         corner = int(np.ceil(self.slack_px))
         supported, seen, crossing = (np.empty(boxes_px.shape) for _ in range(3))
         for side, sums, at, start, stop in (
@@ -191,7 +197,7 @@ class ViewScore:
         on lines. Structure is where horizontal and vertical lines meet, as at windows; tiles of a
         roof and joints of a pavement run one way only.
         """
-        left, right, bottom, top = np.round(boxes_px).astype(np.int_).T
+        left, right, bottom, top = self._boundaries(boxes_px)
 
         def inside(sums: FloatArray) -> FloatArray:
             part = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
@@ -223,11 +229,8 @@ def best_box(
     in turn tries all its candidates until nothing improves: random boxes alone seldom have four
     right sides.
     """
-    rows, columns = (size - 1 for size in score.seen_px2.shape)
-    limits = np.array([columns, columns, rows, rows], dtype=np.float64)
 
     def total(boxes: FloatArray) -> FloatArray:
-        boxes = np.clip(boxes, 0, limits)
         valid = (boxes[:, RIGHT] - boxes[:, LEFT] >= min_size_px) & (
             boxes[:, BOTTOM] - boxes[:, TOP] >= min_size_px
         )

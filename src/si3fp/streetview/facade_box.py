@@ -14,7 +14,7 @@ from si3fp.errors import FacadeError
 from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import OrthoImage
-from si3fp.streetview.box_score import SIDES, Priors, ViewScore, best_box
+from si3fp.streetview.box_score import SIDES, TOP, Priors, ViewScore, best_box
 from si3fp.streetview.lines import find_lines, raster_size, relevant_positions
 
 Evidence = Literal["images", "footprint", "prior"]
@@ -105,10 +105,10 @@ def find_facade_box(
     _require_every_side(candidates, len(lines))
 
     min_size_px = config.min_size_m / m_per_px
+    scores = [ViewScore.of(one, slack_px, config.cell_m / m_per_px) for one in lines]
     votes = np.full((len(lines), 4), np.nan)
     supported, seen = np.zeros((len(lines), 4)), np.zeros((len(lines), 4))
-    for row, one in enumerate(lines):
-        score = ViewScore.of(one, slack_px, config.cell_m / m_per_px)
+    for row, score in enumerate(scores):
         box = best_box(score, candidates, priors, min_size_px, config, rng)
         if box is not None:
             votes[row] = box
@@ -137,6 +137,8 @@ def find_facade_box(
         evidence.append("prior" if name == "top" else "footprint")
         source = "the mapped height" if name == "top" else "the footprint"
         notes.append(f"{name} side from {source}: no line of the images supports it")
+    if evidence[TOP] == "images":
+        box_px[TOP] = _below_the_overhang(np.array(box_px), rows, scores, m_per_px, config)
     left, right, bottom, top = box_px
     if right - left < 1 or bottom - top < 1:
         raise FacadeError(
@@ -167,6 +169,28 @@ def _no_line(name: str, views: int) -> FacadeError:
         f"Found no line for the {name} side of the facade in {views} views, and no footprint or "
         "mapped height tells it. Give footprints with height_m."
     )
+
+
+def _below_the_overhang(
+    box_px: FloatArray,
+    rows_px: FloatArray,
+    scores: Sequence[ViewScore],
+    m_per_px: float,
+    config: FacadeBoxConfig,
+) -> float:
+    """The lowest well supported line within `config.overhang_m` below the eaves, or the eaves.
+
+    Gutter, fascia and cornice stand out in front of the wall. Seen from below they appear above
+    the wall's end, and against the sky they are the stronger lines.
+    """
+    below = (rows_px > box_px[TOP]) & (rows_px - box_px[TOP] <= config.overhang_m / m_per_px)
+    for row in np.flip(rows_px[below]):
+        trial = np.where(np.arange(4) == TOP, row, box_px)[None]
+        shares = [score.side_shares(trial) for score in scores]
+        supported = [share[0][0, TOP] for share in shares if share[1][0, TOP] >= MIN_SEEN]
+        if supported and np.median(supported) >= config.overhang_support:
+            return float(row)
+    return float(box_px[TOP])
 
 
 def _consensus(
