@@ -1,8 +1,8 @@
 """Algorithm 1: one panorama resampled onto one facade grid.
 
 The map from grid to panorama is smooth, so it is computed exactly on a coarse lattice and
-interpolated; the lattice is refined until the interpolation error is below `MAP_ERROR_PX`. What
-remains per pixel is one `cv2.remap`.
+interpolated; the lattice is as fine as `MAP_ERROR_PX` asks. What remains per pixel is one
+`cv2.remap`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Image, OrthoImage, Panorama
 
 MAP_ERROR_PX = 0.05
-"""Largest error of the interpolated map, in source pixels: half a step of cv2's fixed point."""
+"""Largest error of the interpolated map, in pixels of the source as it is sampled, that is after
+averaging down: cv2's own fixed point has steps of 1/32."""
 
 LATTICE_STEPS_PX = (32, 16, 8, 4, 2)
 
@@ -39,6 +40,7 @@ def source_m_per_px(panorama: Panorama, grid: FacadeGrid, width_px: int) -> floa
     """Size in metres of a source pixel at the best seen tenth of the facade.
 
     The nearest point decides what the image can resolve: a grid finer than that only magnifies.
+    Infinite where the camera sees less than that tenth.
     """
     corners = np.stack(
         np.meshgrid(
@@ -50,7 +52,7 @@ def source_m_per_px(panorama: Panorama, grid: FacadeGrid, width_px: int) -> floa
     sizes = np.where(
         cosines > 0.1, distances_m * (2 * np.pi / width_px) / np.maximum(cosines, 0.1), np.inf
     )
-    return float(np.quantile(sizes, 0.1))
+    return float(np.quantile(sizes, 0.1, method="lower"))
 
 
 def rectify(
@@ -85,44 +87,64 @@ def rectify(
     SI3FP, Algorithm 1, at pixel centres. Where the source is finer than the grid it is first
     averaged down by a power of two, so that nothing aliases.
     """
-    lattice, step = _lattice_map(panorama, grid, image.shape[1], image.shape[0])
-    window = _source_window(lattice, step, image.shape[1], image.shape[0])
-    left, top_row, _, _, shrink = window
-    source = _cut(image, window)
-    mask = np.multiply(_cut(seen.view(np.uint8), (*window[:4], 1)), np.uint8(255), dtype=np.uint8)
-    mask = _shrunk(mask, shrink)
-    local = ((lattice - [left, top_row]) / shrink).astype(np.float32)
+    lattice, step, shrink = _lattice_map(panorama, grid, image.shape[1], image.shape[0])
+    window = _source_window(lattice, shrink, image.shape[1], image.shape[0])
+    source = _shrunk(_cut(image, window), shrink)
+    mask = _shrunk(_cut(seen.view(np.uint8), window) * np.uint8(255), shrink)
+    # cv2 puts (0, 0) at the centre of the first pixel; the lattice counts from its corner.
+    corner = np.array(window[:2])[:, None, None]
+    local = ((lattice - corner) / shrink - 0.5).astype(np.float32)
 
     rgb = np.empty((grid.height_px, grid.width_px, 3), np.uint8)
-    valid = np.empty((grid.height_px, grid.width_px), np.uint8)
+    valid = _within_obliqueness(panorama, grid, config.max_obliqueness_deg)
     rows_per_band = max(1, config.band_px // step) * step
     for top in range(0, grid.height_px, rows_per_band):
-        bottom = min(top + rows_per_band, grid.height_px)
-        # cv2 puts (0, 0) at the centre of the first pixel; the lattice counts from its corner.
-        map_x, map_y = (
-            _upsampled(local[..., axis], step, top, bottom, grid.width_px) - np.float32(0.5)
-            for axis in (0, 1)
-        )
-        for target, pixels in ((rgb, source), (valid, mask)):
-            cv2.remap(pixels, map_x, map_y, cv2.INTER_LINEAR, dst=target[top:bottom])
-    looks_at_front = _within_obliqueness(panorama, grid, config.max_obliqueness_deg)
-    return OrthoImage(panorama.id, rgb, (valid == 255) & looks_at_front)
+        band = slice(top, min(top + rows_per_band, grid.height_px))
+        nodes = local[:, _node_rows(band, step)]
+        map_x, map_y = (_upsampled(axis, step, valid[band].shape) for axis in nodes)
+        cv2.remap(source, map_x, map_y, cv2.INTER_LINEAR, dst=rgb[band])
+        if not _all_seen(nodes, mask):
+            valid[band] &= np.equal(cv2.remap(mask, map_x, map_y, cv2.INTER_LINEAR), 255)
+    return OrthoImage(panorama.id, rgb, valid)
 
 
 def _lattice_map(
     panorama: Panorama, grid: FacadeGrid, width_px: int, height_px: int
-) -> tuple[FloatArray, int]:
-    """Source pixels (h, w, 2) at lattice nodes ``(k - 0.5) * step`` and the step in grid pixels."""
+) -> tuple[FloatArray, int, int]:
+    """Source pixels (2, h, w) at lattice nodes, the step in grid pixels, the factor to average by.
+
+    Node k stands at grid pixel ``(k - 0.5) * step``. Between nodes a step h apart, linear
+    interpolation errs by h**2 / 8 times the second derivative, which is an eighth of the second
+    difference of the nodes; both axes add up.
+    """
     step = LATTICE_STEPS_PX[0]
-    for step in LATTICE_STEPS_PX:
-        nodes = _node_pixels(grid, step)
-        lattice = _project(panorama, grid, nodes, width_px, height_px)
-        middles = (nodes[:-1, :-1] + nodes[1:, 1:]) / 2
-        exact = _project(panorama, grid, middles, width_px, height_px)
-        linear = (lattice[:-1, :-1] + lattice[1:, 1:] + lattice[1:, :-1] + lattice[:-1, 1:]) / 4
-        if np.abs(linear - exact).max() < MAP_ERROR_PX:
+    lattice = _project(panorama, grid, _node_pixels(grid, step), width_px, height_px)
+    shrink = _averaging_factor(lattice, step)
+    while (error_px := _interpolation_error(lattice)) > MAP_ERROR_PX * shrink:
+        finer = [smaller for smaller in LATTICE_STEPS_PX if smaller < step]
+        if not finer:
             break
-    return lattice, step
+        # The error falls with the square of the step.
+        fitting = step * np.sqrt(MAP_ERROR_PX * shrink / error_px)
+        step = next((smaller for smaller in finer if smaller <= fitting), finer[-1])
+        lattice = _project(panorama, grid, _node_pixels(grid, step), width_px, height_px)
+        shrink = _averaging_factor(lattice, step)
+    return lattice, step, shrink
+
+
+def _interpolation_error(lattice: FloatArray) -> float:
+    """Bound in source pixels on what linear interpolation between the nodes (2, h, w) errs."""
+    across = np.abs(np.diff(lattice, 2, axis=2)).max(axis=(1, 2))
+    down = np.abs(np.diff(lattice, 2, axis=1)).max(axis=(1, 2))
+    return float((across + down).max()) / 8
+
+
+def _averaging_factor(lattice: FloatArray, step: int) -> int:
+    """Power of two by which the source is finer than the grid on most of the facade."""
+    across = np.hypot(*np.diff(lattice, axis=2)) / step
+    down = np.hypot(*np.diff(lattice, axis=1)) / step
+    scale = min(float(np.median(across)), float(np.median(down)))
+    return 1 << int(np.floor(np.log2(max(scale, 1.0)) + 0.2))
 
 
 def _node_pixels(grid: FacadeGrid, step: int) -> FloatArray:
@@ -134,69 +156,75 @@ def _node_pixels(grid: FacadeGrid, step: int) -> FloatArray:
 def _project(
     panorama: Panorama, grid: FacadeGrid, pixels: FloatArray, width_px: int, height_px: int
 ) -> FloatArray:
-    """Source pixels of grid pixels, x unwrapped around the facade's middle so that it is smooth."""
+    """Source pixels (2, ...) of grid pixels (..., 2), x unwrapped around the facade's middle."""
     rays = panorama.pano_from_world.apply(grid.world_from_pixels(pixels))
-    source = pixels_from_directions(rays, width_px, height_px)
+    x, y = np.moveaxis(pixels_from_directions(rays, width_px, height_px), -1, 0)
     middle = panorama.pano_from_world.apply(
         grid.world_from_pixels([grid.width_px / 2, grid.height_px / 2])
     )
     centre_x = pixels_from_directions(middle, width_px, height_px)[0]
-    source[..., 0] = centre_x + (source[..., 0] - centre_x + width_px / 2) % width_px - width_px / 2
-    return source
+    x = centre_x + (x - centre_x + width_px / 2) % width_px - width_px / 2
+    return np.stack([x, y])
 
 
 def _source_window(
-    lattice: FloatArray, step: int, width_px: int, height_px: int
-) -> tuple[int, int, int, int, int]:
-    """Left, top, right, bottom of the source pixels needed, and the factor to average by."""
-    across = np.linalg.norm(np.diff(lattice, axis=1), axis=-1) / step
-    down = np.linalg.norm(np.diff(lattice, axis=0), axis=-1) / step
-    scale = min(float(np.median(across)), float(np.median(down)))
-    shrink = 2 ** max(0, int(np.floor(np.log2(max(scale, 1.0)) + 0.2)))
-    left = int(np.floor(lattice[..., 0].min())) - 2 * shrink
-    right = int(np.ceil(lattice[..., 0].max())) + 2 * shrink
-    top = max(0, int(np.floor(lattice[..., 1].min())) - 2 * shrink)
-    bottom = min(height_px, int(np.ceil(lattice[..., 1].max())) + 2 * shrink)
-    right = min(right, left + width_px)
-    return left, top, right, bottom, shrink
+    lattice: FloatArray, shrink: int, width_px: int, height_px: int
+) -> tuple[int, int, int, int]:
+    """Left, top, right, bottom of the source pixels needed; x may run beyond the seam.
+
+    Never wider than the image: within the 16 bit sizes of cv2.remap for 16384 pixels and more.
+    """
+    low = np.floor(lattice.min(axis=(1, 2))).astype(int) - 2 * shrink
+    high = np.ceil(lattice.max(axis=(1, 2))).astype(int) + 2 * shrink
+    left, top = int(low[0]), max(0, int(low[1]))
+    return left, top, min(int(high[0]), left + width_px), min(int(high[1]), height_px)
 
 
-def _cut(pixels: Image, window: tuple[int, int, int, int, int]) -> Image:
-    """The window of the source, wrapped around the seam, averaged down."""
-    left, top, right, bottom, shrink = window
+def _cut(pixels: Image, window: tuple[int, int, int, int]) -> Image:
+    """The window of the source, wrapped around the seam."""
+    left, top, right, bottom = window
     width = pixels.shape[1]
     start = left % width
     stop = start + right - left
     if stop <= width:
-        part = pixels[top:bottom, start:stop]
-    else:
-        part = np.concatenate(
-            [pixels[top:bottom, start:], pixels[top:bottom, : stop - width]], axis=1
-        )
-    return _shrunk(part, shrink)
+        return pixels[top:bottom, start:stop]
+    return np.concatenate([pixels[top:bottom, start:], pixels[top:bottom, : stop - width]], axis=1)
 
 
 def _shrunk(pixels: Image, shrink: int) -> Image:
+    """The image averaged down by a power of two."""
     if shrink == 1:
-        return np.ascontiguousarray(pixels)
-    height, width = pixels.shape[0] // shrink * shrink, pixels.shape[1] // shrink * shrink
+        return pixels
+    height, width = pixels.shape[0] // shrink, pixels.shape[1] // shrink
     small = cv2.resize(
-        pixels[:height, :width], (width // shrink, height // shrink), interpolation=cv2.INTER_AREA
+        pixels[: height * shrink, : width * shrink], (width, height), interpolation=cv2.INTER_AREA
     )
     return np.asarray(small, np.uint8)
 
 
+def _node_rows(band: slice, step: int) -> slice:
+    """Rows of the lattice around a band of grid rows that starts at a multiple of step."""
+    return slice(band.start // step, -(-band.stop // step) + 2)
+
+
 def _upsampled(
-    local: NDArray[np.float32], step: int, top: int, bottom: int, width_px: int
+    nodes: NDArray[np.float32], step: int, shape: tuple[int, ...]
 ) -> NDArray[np.float32]:
-    """The map of the rows ``top:bottom`` (a multiple of step, except at the end) at every pixel."""
-    first, last = top // step, -(-bottom // step) + 2
-    rows = local[first:last]
+    """One axis of the map at every pixel (height, width) of a band, from the nodes around it."""
     full = cv2.resize(
-        rows, (rows.shape[1] * step, rows.shape[0] * step), interpolation=cv2.INTER_LINEAR
+        nodes, (nodes.shape[1] * step, nodes.shape[0] * step), interpolation=cv2.INTER_LINEAR
     )
     # Node k stands at pixel (k - 0.5) * step; resize puts it at (k + 0.5) * step.
-    return np.ascontiguousarray(full[step : step + bottom - top, step : step + width_px])
+    return np.asarray(full[step : step + shape[0], step : step + shape[1]], np.float32)
+
+
+def _all_seen(nodes: NDArray[np.float32], mask: Image) -> bool:
+    """Whether a band samples nothing unseen and nothing beyond the rim of the source."""
+    left, top = np.floor(nodes.min(axis=(1, 2))).astype(int)
+    right, bottom = np.ceil(nodes.max(axis=(1, 2))).astype(int) + 1
+    if min(left, top) < 0 or bottom > mask.shape[0] or right > mask.shape[1]:
+        return False
+    return bool((mask[top:bottom, left:right] == 255).all())
 
 
 def _within_obliqueness(
@@ -204,9 +232,11 @@ def _within_obliqueness(
 ) -> NDArray[np.bool_]:
     """(H, W) bool: the camera is in front of the plane and not too oblique to it."""
     camera = grid.world_from_facade.inverse().apply(panorama.centre_in_world)
+    if camera[2] <= 0:
+        return np.zeros((grid.height_px, grid.width_px), np.bool_)
     x, y = _axis_gaps(grid, camera)
-    reach = max(camera[2], 0.0) * np.tan(np.deg2rad(max_obliqueness_deg))
-    inside: NDArray[np.bool_] = x[None, :] ** 2 + y[:, None] ** 2 <= reach**2
+    reach = camera[2] * np.tan(np.deg2rad(max_obliqueness_deg))
+    inside: NDArray[np.bool_] = x[None, :] ** 2 <= (reach**2 - y**2)[:, None]
     return inside
 
 
