@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -389,3 +391,32 @@ def test_the_cloud_of_a_run_stays_below_ten_megabytes():
     stride = cloud_stride([full] * 30, CONFIG)
     assert 30 * (256 // stride + 1) * (512 // stride + 1) * 15 < 10e6
     assert cloud_stride([full], CONFIG) == 1
+
+
+@pytest.mark.slow
+@pytest.mark.skipif("SI3FP_TEST_DATA" not in os.environ, reason="SI3FP_TEST_DATA is not set")
+def test_castle_walls_are_the_three_court_facades():
+    from si3fp.sources.footprints import footprints_in_world, read_footprints
+    from si3fp.sources.local import panoramas_in_world, read_panorama_records
+    from si3fp.sources.selection import run_origin
+
+    castle = Path(os.environ["SI3FP_TEST_DATA"]) / "castle"
+    footprints = read_footprints(castle / "footprints.geojson")
+    records = read_panorama_records(castle / "street" / "panoramas.geojson")
+    origin = run_origin(footprints, records)
+    panoramas = panoramas_in_world(records, origin)
+    result = cluster_walls(panoramas, footprints_in_world(footprints, origin), CONFIG)
+    assert [wall.building_id for wall in result.walls] == ["wing-a", "wing-b", "wing-c"]
+    for wall in result.walls:
+        assert wall.fit.panoramas >= 25
+        # The footprints are exact; 30 panoramas of 0.16 m and 0.46 degrees place a wall to 0.04 m.
+        assert abs(wall.fit.edge_offset_m) < 0.1
+        assert abs(wall.fit.edge_angle_deg) < 0.2
+    assert len(result.missing) == 9
+    assert all("no camera sees it" in missing.reason for missing in result.missing)
+    assert {u.nearest.split("-")[0] for u in result.unassigned} == {"wing"}
+    without = cluster_walls(panoramas, [], CONFIG).walls
+    assert len(without) == 8
+    assert sorted(wall.width_m for wall in without)[-3:] == pytest.approx(
+        [25.9, 33.5, 36.2], abs=0.6
+    )
