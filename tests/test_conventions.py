@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import base64
+import pkgutil
 import re
 import struct
 from pathlib import Path
@@ -505,3 +506,15 @@ def test_every_sentence_has_a_test_and_every_test_a_sentence():
     numbered = re.compile(r"test_[a-z]\d+_")
     written = [name for name in globals() if numbered.match(name)]
     assert named == written
+
+
+def test_the_nomenclature_names_what_exists():
+    page = (ROOT / "docs" / "nomenclature.md").read_text(encoding="utf-8")
+    rows = [line.split("|")[1:-1] for line in page.splitlines() if line.startswith("|")][2:]
+    assert len(rows) > 40
+    for symbol, _, _, where in rows:
+        place = where.strip().strip("`")
+        try:
+            pkgutil.resolve_name(f"si3fp.{place}")
+        except (AttributeError, ImportError):
+            pytest.fail(f"{symbol.strip()}: there is no si3fp.{place}")
