@@ -17,16 +17,19 @@ from typing import Literal
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from si3fp.config import AlignConfig
 from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.rigid import FloatArray
-from si3fp.model import FacadeViews, OrthoImage
+from si3fp.model import FacadeViews, OrthoImage, Panorama
 
 MotionModel = Literal["translation", "similarity", "homography"]
 MODELS: tuple[MotionModel, ...] = ("translation", "similarity", "homography")
 ROBUST_ROUNDS = 10
 GAUGE_WEIGHT = 1e6
+DOWN = np.array([1.0, -1.0])
+"""Facade y runs up; matches are in metres to the right and down, like pixels."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,7 +80,7 @@ class _Matches:
 def register(
     views: FacadeViews,
     quality: Sequence[float],
-    pose_sigma_m: Sequence[float],
+    covariances: Sequence[FloatArray],
     config: AlignConfig,
 ) -> tuple[Registration, ...]:
     """One registration per view, in the order of the views.
@@ -88,8 +91,8 @@ def register(
         Views on one grid with their pose errors.
     quality
         One number per view, larger is better: resolution, obliqueness and coverage in one.
-    pose_sigma_m
-        One number per view: how far its pose error moves it on the wall, standard deviation.
+    covariances
+        (8, 8) per view: how its pose error moves it on the wall, from `motion_covariance`.
     config
         Resolution, number of views that are matched all against all, tolerances, priors.
 
@@ -114,17 +117,19 @@ def register(
             else _dropped(view, "no other view has enough matching points")
             for i, view in enumerate(views.views)
         )
-    model, motions = _best_model(pairs, group, {}, pose_sigma_m, config)
+    model, motions = _best_model(pairs, group, {}, covariances, config)
     models: dict[int, MotionModel] = dict.fromkeys(group, model)
     fixed = dict(motions)
     for i in others:
         links = [m for j in group if (m := _match(i, j, features, config))]
         if links:
-            models[i], motion = _best_model(links, [i], fixed, pose_sigma_m, config)
+            models[i], motion = _best_model(links, [i], fixed, covariances, config)
             motions[i] = motion[i]
             pairs += links
+    without_drift = np.linalg.inv(_matrix(_drift(views, motions, covariances)))
+    moves = {i: without_drift @ _matrix(motion) for i, motion in motions.items()}
     return tuple(
-        _registration(i, view, views.grid, pairs, motions, models, config)
+        _registration(i, view, views.grid, pairs, moves, models, config)
         for i, view in enumerate(views.views)
     )
 
@@ -270,28 +275,107 @@ def _basis(points: FloatArray, model: MotionModel) -> FloatArray:
     return np.stack([np.stack(column, axis=-1) for column in columns], axis=-1)
 
 
-def _prior_sigma(model: MotionModel, shift: float, config: AlignConfig) -> FloatArray:
-    linear, perspective = config.prior_linear, config.prior_perspective_per_m
-    return np.array(
-        {
-            "translation": [shift] * 2,
-            "similarity": [shift] * 2 + [linear] * 2,
-            "homography": [shift] * 2 + [linear] * 4 + [perspective] * 2,
-        }[model]
+def motion_covariance(panorama: Panorama, grid: FacadeGrid, config: AlignConfig) -> FloatArray:
+    """Covariance (8, 8) of a view's motion on the wall that its pose error explains.
+
+    The parameters are those of the homography model: shift, linear and perspective part, in metres
+    from the middle of the grid. An oblique view is uncertain in scale, a distant one in shift; the
+    common drift of all views is best estimated where that is known. Each of the three positions
+    and three angles is moved by its standard deviation, and the motion of the wall fitted.
+    """
+    columns = (np.arange(7) + 0.5) / 7 * grid.width_px
+    rows = (np.arange(5) + 0.5) / 5 * grid.height_px
+    pixels = np.stack(np.meshgrid(columns, rows, indexing="xy"), axis=-1).reshape(-1, 2)
+    world = grid.world_from_pixels(pixels)
+    middle = np.array([grid.width_m / 2, grid.height_m / 2])
+    plane = (grid.facade_from_pixels(pixels) - middle) * DOWN
+    rays = panorama.pano_from_world.apply(world)
+    basis = _basis(plane, "homography").reshape(-1, 8)
+    # Points that the camera sees more steeply than most count less, as they do in the matches.
+    distance_m = np.linalg.norm(rays, axis=1)
+    steep = np.abs((world - panorama.centre_in_world) @ grid.normal_in_world) / distance_m
+    weight = np.repeat(np.maximum(steep, 0.05) ** 2 / distance_m, 2)[:, None]
+    facade_from_world = grid.world_from_facade.inverse()
+    world_from_pano = panorama.pano_from_world.inverse()
+    normal = grid.normal_in_world
+    offset_m = float(normal @ grid.world_from_facade.translation)
+    motions = []
+    for axis in range(3):
+        turn = np.deg2rad(config.direction_sigma_deg) * np.eye(3)[axis]
+        for centre, moved_rays in (
+            (np.eye(3)[axis] * config.position_sigma_m, rays),
+            (np.zeros(3), rays + np.cross(turn, rays)),
+        ):
+            start = world_from_pano.apply(centre)
+            lines = world_from_pano.rotate(moved_rays)
+            along = (offset_m - normal @ start) / (lines @ normal)
+            seen = facade_from_world.apply(start + along[:, None] * lines)[:, :2]
+            shift = (seen - middle) * DOWN - plane
+            fit = np.linalg.lstsq(basis * weight, shift.reshape(-1) * weight[:, 0], rcond=None)
+            motions.append(fit[0])
+    root = np.array(motions)
+    floor = np.array([0.01] * 2 + [0.001] * 4 + [0.00005] * 2)
+    covariance: FloatArray = root.T @ root + np.diag(floor**2)
+    return covariance
+
+
+def _drift(
+    views: FacadeViews, motions: dict[int, FloatArray], covariances: Sequence[FloatArray]
+) -> FloatArray:
+    """Parameters (6,) of the affine motion that all views share in the mean.
+
+    Matches cannot tell it, poses can: at every place of the wall, the motions of the views that
+    saw it are averaged with the inverse of the variance that their pose errors give them there.
+    """
+    grid = views.grid
+    columns, rows = np.meshgrid(
+        (np.arange(24) + 0.5) / 24 * grid.width_px, (np.arange(12) + 0.5) / 12 * grid.height_px
     )
+    x, y = columns.ravel(), rows.ravel()
+    points = np.stack([x - grid.width_px / 2, y - grid.height_px / 2], axis=-1) * grid.m_per_px
+    basis = _basis(points, "homography")
+    total, weights = np.zeros_like(points), np.zeros(len(points))
+    for index, motion in motions.items():
+        variance = np.einsum("pck,kl,pcl->p", basis, covariances[index], basis)
+        weight = views.views[index].valid[y.astype(int), x.astype(int)] / variance
+        total += weight[:, None] * (_moved(points, _matrix(motion)) - points)
+        weights += weight
+    mean = total / np.maximum(weights, 1e-9)[:, None]
+    root = np.repeat(np.sqrt(weights), 2)
+    affine = basis[..., :6].reshape(-1, 6)
+    drift: FloatArray = np.linalg.lstsq(affine * root[:, None], mean.ravel() * root, rcond=None)[0]
+    return drift
+
+
+def _prior(model: MotionModel, covariance: FloatArray) -> FloatArray:
+    """Inverse covariance (K, K) of a model's parameters from that of the homography's (8, 8)."""
+    part = {
+        "translation": np.eye(2, 8),
+        "similarity": np.array(
+            [
+                [1, 0, 0, 0, 0, 0, 0, 0],
+                [0, 1, 0, 0, 0, 0, 0, 0],
+                [0, 0, 0.5, 0, 0, 0.5, 0, 0],
+                [0, 0, 0, -0.5, 0.5, 0, 0, 0],
+            ]
+        ),
+        "homography": np.eye(8),
+    }[model]
+    precision: FloatArray = np.linalg.inv(part @ covariance @ part.T)
+    return precision
 
 
 def _matrix(motion: FloatArray) -> FloatArray:
-    """Homography (3, 3) in metres from the middle of the grid, of 2, 4 or 8 parameters."""
-    if len(motion) == 8:
-        tx, ty, xx, xy, yx, yy, px, py = motion
+    """Homography (3, 3) in metres from the middle of the grid, of 2, 4, 6 or 8 parameters."""
+    if len(motion) >= 6:
+        tx, ty, xx, xy, yx, yy, px, py = (*motion, 0.0, 0.0)[:8]
         return np.array([[1 + xx, xy, tx], [yx, 1 + yy, ty], [-px, -py, 1.0]])
     tx, ty, scale, turn = (*motion, 0.0, 0.0)[:4]
     return np.array([[1 + scale, -turn, tx], [turn, 1 + scale, ty], [0.0, 0.0, 1.0]])
 
 
-def _moved(points: FloatArray, motion: FloatArray) -> FloatArray:
-    homogeneous = np.column_stack([points, np.ones(len(points))]) @ _matrix(motion).T
+def _moved(points: FloatArray, matrix: FloatArray) -> FloatArray:
+    homogeneous = np.column_stack([points, np.ones(len(points))]) @ matrix.T
     return np.asarray(homogeneous[:, :2] / homogeneous[:, 2:])
 
 
@@ -299,7 +383,7 @@ def _best_model(
     pairs: Sequence[_Matches],
     free: Sequence[int],
     fixed: dict[int, FloatArray],
-    pose_sigma_m: Sequence[float],
+    covariances: Sequence[FloatArray],
     config: AlignConfig,
 ) -> tuple[MotionModel, dict[int, FloatArray]]:
     """The motion model with the most evidence and its motions of the free views.
@@ -310,9 +394,9 @@ def _best_model(
     count = sum(len(pair.points_first) for pair in pairs)
     solutions = []
     for model in MODELS:
-        priors = {view: _prior_sigma(model, pose_sigma_m[view], config) for view in free}
+        priors = {view: _prior(model, covariances[view]) for view in free}
         motions, cost = _solve(pairs, priors, fixed, model, config)
-        parameters = sum(len(sigma) for sigma in priors.values())
+        parameters = sum(len(precision) for precision in priors.values())
         solutions.append((cost + parameters * np.log(max(count, 2)), model, motions))
     _, model, motions = min(solutions, key=lambda solution: solution[0])
     return model, motions
@@ -328,18 +412,17 @@ def _solve(
     """Most probable motions of the free views and the robust cost (-2 log posterior).
 
     Gauss-Newton with Cauchy weights; motions are near the identity, so a few rounds suffice.
-    ``priors`` holds the standard deviations of the parameters of every free view.
+    ``priors`` holds the inverse covariance of the parameters of every free view.
     """
     size = len(next(iter(priors.values())))
     slot = {view: slice(k * size, (k + 1) * size) for k, view in enumerate(priors)}
     motions = {view: np.zeros(size) for view in priors}
-    sigmas = np.concatenate(list(priors.values()))
-    precision = np.diag(sigmas**-2.0)
+    precision = block_diag(*priors.values())
     if not fixed:
         # Matches cannot tell a motion that all views share, and shrinking them all would even
-        # shrink the residuals: hold the mean motion, weighted by the priors, at zero.
-        mean = np.concatenate([np.diag(sigma**-2.0) for sigma in priors.values()], axis=1)
-        precision += GAUGE_WEIGHT * mean.T @ np.diag(1 / mean.sum(axis=1)) @ mean
+        # shrink the residuals: hold the mean motion at zero (its best value comes later).
+        sums = np.tile(np.eye(size), len(priors))
+        precision += GAUGE_WEIGHT * sums.T @ sums
     cost = np.inf
     for _ in range(ROBUST_ROUNDS):
         state = np.concatenate(list(motions.values()))
@@ -348,7 +431,7 @@ def _solve(
         cost = float(state @ gradient)
         for pair in pairs:
             ends = ((pair.first, pair.points_first, 1.0), (pair.second, pair.points_second, -1.0))
-            places = [_moved(p, motions[v] if v in motions else fixed[v]) for v, p, _ in ends]
+            places = [_moved(p, _matrix((fixed | motions)[v])) for v, p, _ in ends]
             residual = (places[0] - places[1]) / config.match_sigma_m
             square = np.sum(residual**2, axis=1)
             cost += float(np.sum(np.log1p(square)))
@@ -373,23 +456,23 @@ def _registration(
     view: OrthoImage,
     grid: FacadeGrid,
     pairs: Sequence[_Matches],
-    motions: dict[int, FloatArray],
+    moves: dict[int, FloatArray],
     models: dict[int, MotionModel],
     config: AlignConfig,
 ) -> Registration:
-    if index not in motions:
+    if index not in moves:
         return _dropped(view, f"fewer than {config.min_inliers} matching points with other views")
     before, after = [], []
     for pair in pairs:
         if index in (pair.first, pair.second):
             before.append(np.linalg.norm(pair.points_first - pair.points_second, axis=1))
-            moved = _moved(pair.points_first, motions[pair.first]) - _moved(
-                pair.points_second, motions[pair.second]
+            moved = _moved(pair.points_first, moves[pair.first]) - _moved(
+                pair.points_second, moves[pair.second]
             )
             after.append(np.linalg.norm(moved, axis=1))
     gap_before, gap_after = np.concatenate(before), np.concatenate(after)
     inliers = int((gap_after < config.inlier_px * config.m_per_px).sum())
-    shift_m = float(np.linalg.norm(motions[index][:2]))
+    shift_m = float(np.linalg.norm(_moved(np.zeros((1, 2)), moves[index])))
     if inliers < config.min_inliers:
         return _dropped(view, f"only {inliers} matching points agree with the other views")
     if shift_m > config.max_shift_m:
@@ -401,7 +484,7 @@ def _registration(
             [0.0, 0.0, 1.0],
         ]
     )
-    matrix = pixels_from_metres @ _matrix(motions[index]) @ np.linalg.inv(pixels_from_metres)
+    matrix = pixels_from_metres @ moves[index] @ np.linalg.inv(pixels_from_metres)
     return Registration(
         view.source,
         True,

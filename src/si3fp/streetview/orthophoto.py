@@ -12,8 +12,8 @@ from si3fp.config import AlignConfig, FacadeBoxConfig
 from si3fp.errors import FacadeError
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import FacadeViews, OrthoImage, Panorama
-from si3fp.ortho import pose_sigma_m, view_weight
-from si3fp.streetview.align import Registration, register, registered
+from si3fp.ortho import view_weight
+from si3fp.streetview.align import Registration, motion_covariance, register, registered
 from si3fp.streetview.facade_box import FacadeBox, PriorBox, find_facade_box
 from si3fp.streetview.views import ViewPlan, moved_to
 
@@ -68,16 +68,14 @@ def align_views(
         raise FacadeError(
             f"None of {len(plan.panorama_ids)} panoramas shows enough of the wall to be used."
         )
-    quality, sigmas = [], []
+    quality, covariances = [], []
     for view in views:
         panorama = panoramas[view.source]
         sharpness = np.sqrt(view_weight(panorama, plan.grid))
         quality.append(float((sharpness * view.valid).mean()))
-        sigmas.append(
-            pose_sigma_m(panorama, plan.grid, config.position_sigma_m, config.direction_sigma_deg)
-        )
+        covariances.append(motion_covariance(panorama, plan.grid, config))
     registrations = register(
-        FacadeViews(plan.wall.facade_id, plan.grid, tuple(views)), quality, sigmas, config
+        FacadeViews(plan.wall.facade_id, plan.grid, tuple(views)), quality, covariances, config
     )
     moved = tuple(
         registered(view, registration, plan.grid)
