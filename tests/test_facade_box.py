@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+from dataclasses import replace
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -237,3 +241,46 @@ def test_priors_turn_metres_up_into_rows_down():
     at_prior, half_a_metre_off = priors.log_density(box)
     assert at_prior == 0.0
     assert half_a_metre_off == pytest.approx(-np.log(1.5))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif("SI3FP_TEST_DATA" not in os.environ, reason="SI3FP_TEST_DATA is not set")
+def test_castle_eaves_lie_where_the_wall_ends_and_the_cornice_begins():
+    from si3fp.config import StreetConfig
+    from si3fp.sources.footprints import footprints_in_world, read_footprints
+    from si3fp.sources.images import seen_pixels
+    from si3fp.sources.local import image_loader, panoramas_in_world, read_panorama_records
+    from si3fp.sources.selection import run_origin
+    from si3fp.streetview.cluster import cluster_walls
+    from si3fp.streetview.orthophoto import align_views
+    from si3fp.streetview.views import enough_seen, make_view, plan_views
+
+    castle = Path(os.environ["SI3FP_TEST_DATA"]) / "castle"
+    maps = read_footprints(castle / "footprints.geojson")
+    records = read_panorama_records(castle / "street" / "panoramas.geojson")
+    origin, load = run_origin(maps, records), image_loader(records)
+    panoramas = {p.id: p for p in panoramas_in_world(records, origin)}
+    config = StreetConfig()
+    ortho = replace(config.ortho, margin_m=2.5, m_per_px=0.05)
+    footprints = footprints_in_world(maps, origin)
+    walls = cluster_walls(list(panoramas.values()), footprints, config.cluster).walls
+    plans = [plan_views(wall, panoramas, dict.fromkeys(panoramas, 8192), ortho) for wall in walls]
+    images = {plan.wall.facade_id: [] for plan in plans}
+    for name, panorama in panoramas.items():
+        image = load(name)
+        seen = seen_pixels(image)
+        for plan in plans:
+            if name in plan.panorama_ids:
+                images[plan.wall.facade_id].append(make_view(plan, panorama, image, seen, ortho))
+    for plan in plans:
+        seen_views = enough_seen(images[plan.wall.facade_id], ortho)
+        _, moved = align_views(plan, seen_views, panoramas, config.align)
+        for top_m in (None, 2.5 + 12.8, 2.5 + 14.8):
+            prior = PriorBox(2.5, 2.5 + plan.wall.width_m, 2.5, top_m)
+            box = find_facade_box(moved, plan.grid, prior, CONFIG, np.random.default_rng(0))
+            assert box.evidence[3] == "images"
+            # Wall meets cornice 14.8 to 14.9 m above the mapped ground, measured on the pictures.
+            assert box.top_m - 2.5 == pytest.approx(14.85, abs=0.2)
+            assert box.bottom_m - 2.5 == pytest.approx(0.0, abs=0.25)
+            assert box.left_m - 2.5 == pytest.approx(0.0, abs=0.6)
+            assert box.right_m - 2.5 == pytest.approx(plan.wall.width_m, abs=0.6)

@@ -89,7 +89,7 @@ class FacadeBoxConfig:
     side_weight: float = 0.6  # decision: worth of sides that lie on lines
     prior_weight: float = 0.1  # decision: per unit of log density
     min_support: float = 0.2  # decision: share of a side on lines, else the prior is kept
-    overhang_m: float = 0.6  # decision: gutters and cornices appear this far above the wall's end
+    overhang_m: float = 0.8  # decision: gutters and cornices appear this far above the wall's end
     overhang_support: float = 0.7  # decision: share of the eaves on a line that replaces them
     dbscan_eps_m: float = 0.3  # decision: votes of views on one line
     edge_sigma_m: float = 0.5  # decision: accuracy of a footprint edge as a prior
