@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from si3fp.config import AlignConfig
 from si3fp.geometry.facade_grid import FacadeGrid
@@ -102,6 +103,18 @@ def register(
     without a chain of matches to the others is dropped; where nothing matches at all, the best
     view is kept alone.
     """
+    # The products of matrices here are small: the threads of BLAS would wait for one another
+    # longer than they work, on a busy machine by far (docs/benchmarks.md).
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _register(views, quality, covariances, config)
+
+
+def _register(
+    views: FacadeViews,
+    quality: Sequence[float],
+    covariances: Sequence[FloatArray],
+    config: AlignConfig,
+) -> tuple[Registration, ...]:
     order = sorted(range(len(views.views)), key=lambda i: (-quality[i], views.views[i].source))
     if len(order) < 2:
         return tuple(_unmoved(view, "the only view") for view in views.views)
@@ -143,12 +156,17 @@ def registered(view: OrthoImage, registration: Registration, grid: FacadeGrid) -
     to_cv2 = np.array([[1.0, 0.0, -0.5], [0.0, 1.0, -0.5], [0.0, 0.0, 1.0]])
     matrix = to_cv2 @ view_from_grid @ np.linalg.inv(to_cv2)
     size = (grid.width_px, grid.height_px)
-    rgb = cv2.warpPerspective(view.rgb, matrix, size, flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP)
-    valid = cv2.warpPerspective(
-        view.valid.view(np.uint8) * np.uint8(255),
+    rgb = cv2.warpPerspective(
+        view.rgb,
         matrix,
         size,
-        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    # The cubic reaches one pixel farther than the linear: none of it may be unseen.
+    inner = cv2.erode(view.valid.view(np.uint8), np.ones((3, 3), np.uint8))
+    valid = cv2.warpPerspective(
+        inner * np.uint8(255), matrix, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     )
     return replace(view, rgb=np.asarray(rgb, np.uint8), valid=valid == 255)
 
@@ -200,9 +218,12 @@ def _match(
     (points_a, root_a), (points_b, root_b) = features[first], features[second]
     if min(len(points_a), len(points_b)) < config.min_inliers:
         return None
-    best_b, top, runner_up = _nearest(points_a, root_a, points_b, root_b, config.max_shift_m)
-    best_a, _, _ = _nearest(points_b, root_b, points_a, root_a, config.max_shift_m)
-    distinct = np.sqrt(np.maximum(2 - 2 * top, 0)) < config.ratio * np.sqrt(2 - 2 * runner_up)
+    best_b, best_a, top, runner_up = _nearest(
+        points_a, root_a, points_b, root_b, config.max_shift_m
+    )
+    # Distances of unit vectors; rounding may take a similarity of one beyond it.
+    nearest, next_nearest = (np.sqrt(np.maximum(2 - 2 * cosine, 0)) for cosine in (top, runner_up))
+    distinct = nearest < config.ratio * next_nearest
     keep = (top > 0) & (best_a[best_b] == np.arange(len(points_a))) & distinct
     matched_a, matched_b = points_a[keep], points_b[best_b[keep]]
     if len(matched_a) < config.min_inliers:
@@ -222,15 +243,20 @@ def _nearest(
     others: FloatArray,
     other_descriptors: NDArray[np.float32],
     reach_m: float,
-) -> tuple[NDArray[np.intp], NDArray[np.float32], NDArray[np.float32]]:
-    """Index of the most similar other point within reach, its similarity, and the runner-up's.
+) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32], NDArray[np.float32]]:
+    """Index of the most similar point within reach, both ways, its similarity and the runner-up's.
 
     Both sets are sorted by x, so that a block of points meets only the strip around it.
+
+    Returns
+    -------
+    Index (K,) of the best other point, index (L,) of the best point of every other, and the
+    similarity (K,) of the best and of the second best other point; -1 where there is none.
     """
     order, other_order = np.argsort(points[:, 0]), np.argsort(others[:, 0])
     other_x, other_y = others[other_order].T
-    best = np.zeros(len(points), np.intp)
-    top = np.full(len(points), -1.0, np.float32)
+    best, best_back = np.zeros(len(points), np.intp), np.zeros(len(others), np.intp)
+    top, top_back = (np.full(len(some), -1.0, np.float32) for some in (points, others))
     second = top.copy()
     for start in range(0, len(points), 128):
         rows = order[start : start + 128]
@@ -240,15 +266,20 @@ def _nearest(
             continue
         strip = other_order[low:high]
         similarity = descriptors[rows] @ other_descriptors[strip].T
-        similarity[np.abs(x[:, None] - other_x[low:high]) > reach_m] = -1.0
-        similarity[np.abs(y[:, None] - other_y[low:high]) > reach_m] = -1.0
+        far = np.abs(x[:, None] - other_x[low:high]) > reach_m
+        far |= np.abs(y[:, None] - other_y[low:high]) > reach_m
+        np.copyto(similarity, -1.0, where=far)
+        row = similarity.argmax(axis=0)
+        back = similarity[row, np.arange(len(strip))]
+        better = back > top_back[strip]
+        best_back[strip[better]], top_back[strip[better]] = rows[row[better]], back[better]
         column = similarity.argmax(axis=1)
         line = np.arange(len(rows))
         best[rows] = strip[column]
         top[rows] = similarity[line, column]
         similarity[line, column] = -1.0
         second[rows] = similarity.max(axis=1)
-    return best, top, second
+    return best, best_back, top, second
 
 
 def _largest_group(views: Sequence[int], pairs: Sequence[_Matches]) -> list[int]:
@@ -423,29 +454,37 @@ def _solve(
         # shrink the residuals: hold the mean motion at zero (its best value comes later).
         sums = np.tile(np.eye(size), len(priors))
         precision += GAUGE_WEIGHT * sums.T @ sums
+    # How the residual of a match changes with the motion of its two views, if they are free.
+    slopes = [
+        {
+            view: sign * _basis(points, model).reshape(-1, size) / config.match_sigma_m
+            for view, points, sign in (
+                (pair.first, pair.points_first, 1.0),
+                (pair.second, pair.points_second, -1.0),
+            )
+            if view in slot
+        }
+        for pair in pairs
+    ]
     cost = np.inf
     for _ in range(ROBUST_ROUNDS):
+        matrices = {view: _matrix(motion) for view, motion in (fixed | motions).items()}
         state = np.concatenate(list(motions.values()))
         normal = precision.copy()
         gradient = precision @ state
         cost = float(state @ gradient)
-        for pair in pairs:
-            ends = ((pair.first, pair.points_first, 1.0), (pair.second, pair.points_second, -1.0))
-            places = [_moved(p, _matrix((fixed | motions)[v])) for v, p, _ in ends]
-            residual = (places[0] - places[1]) / config.match_sigma_m
+        for pair, slope_of in zip(pairs, slopes, strict=True):
+            first = _moved(pair.points_first, matrices[pair.first])
+            second = _moved(pair.points_second, matrices[pair.second])
+            residual = (first - second) / config.match_sigma_m
             square = np.sum(residual**2, axis=1)
             cost += float(np.sum(np.log1p(square)))
-            weight = 1 / (1 + square)
-            slopes = {
-                view: sign * _basis(points, model) / config.match_sigma_m
-                for view, points, sign in ends
-                if view in slot
-            }
-            for view, slope in slopes.items():
-                weighted = (weight[:, None, None] * slope).reshape(-1, size)
-                gradient[slot[view]] += weighted.T @ residual.reshape(-1)
-                for other, other_slope in slopes.items():
-                    normal[slot[view], slot[other]] += weighted.T @ other_slope.reshape(-1, size)
+            weight = np.repeat(1 / (1 + square), 2)[:, None]
+            for view, slope in slope_of.items():
+                weighted = (weight * slope).T
+                gradient[slot[view]] += weighted @ residual.reshape(-1)
+                for other, other_slope in slope_of.items():
+                    normal[slot[view], slot[other]] += weighted @ other_slope
         step = np.linalg.solve(normal, gradient)
         motions = {view: motions[view] - step[slot[view]] for view in priors}
     return motions, cost
