@@ -50,7 +50,8 @@ class OrthoConfig:
     """Algorithms 1 and 3: the common grid of a facade."""
 
     m_per_px: float = 0.02  # decision; coarser where the images are
-    margin_m: float = 1.0  # decision: beyond the prior box on all sides
+    margin_m: float = 1.0  # decision: beyond the prior box to the left, right and below
+    headroom_m: float = 2.5  # decision: above the prior eaves, which may be mapped too low
     max_obliqueness_deg: float = 72.0  # decision: viewing angle to the facade normal
     min_seen: float = 0.05  # decision: share of the facade that a view must cover
     max_views: int = 40  # paper: 15-40 panoramas per facade

@@ -217,7 +217,9 @@ def make_views(
         if todo:
             seen = seen_pixels(image)
             for each in todo:
-                view = make_view(each, panorama, image, seen, config.ortho)
+                view = make_view(
+                    each, panorama, image, seen, inputs.footprints, config.ortho, config.cluster
+                )
                 alpha = view.valid.view(np.uint8) * np.uint8(255)
                 write_png(
                     workspace.raw_view(each.wall.facade_id, name), np.dstack([view.rgb, alpha])

@@ -132,10 +132,9 @@ def crop_to_facade(
 def _prior(plan: ViewPlan) -> PriorBox:
     """The wall as map and planes have it, on the plan's grid."""
     margin_m, wall = plan.margin_m, plan.wall
-    has_edge = wall.edge_index is not None
     return PriorBox(
-        left_m=margin_m if has_edge else None,
-        right_m=margin_m + wall.width_m if has_edge else None,
+        left_m=margin_m,
+        right_m=margin_m + wall.width_m,
         bottom_m=margin_m,
         top_m=margin_m + wall.height_m,
     )

@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from si3fp.config import OrthoConfig
+from si3fp.config import ClusterConfig, OrthoConfig
 from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.rigid import Rigid3
-from si3fp.model import Image, OrthoImage, Panorama
+from si3fp.model import Footprint, Image, OrthoImage, Panorama
 from si3fp.ortho import rectify, source_m_per_px, view_distances
 from si3fp.streetview.cluster import Wall
+from si3fp.streetview.occlusion import hidden_part
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +63,8 @@ def plan_views(
     """
     corner = wall.world_from_facade.apply([-config.margin_m, -config.margin_m, 0.0])
     frame = Rigid3(wall.world_from_facade.rotation, corner)
-    width_m, height_m = (size + 2 * config.margin_m for size in (wall.width_m, wall.height_m))
+    width_m = wall.width_m + 2 * config.margin_m
+    height_m = wall.height_m + config.margin_m + config.headroom_m
     coarse = FacadeGrid.covering(frame, width_m, height_m, 0.25)
     least_cosine = np.cos(np.deg2rad(config.max_obliqueness_deg))
     sizes = {}
@@ -82,10 +84,14 @@ def make_view(
     panorama: Panorama,
     image: Image,
     seen: NDArray[np.bool_],
+    footprints: Sequence[Footprint],
     config: OrthoConfig,
+    cluster: ClusterConfig,
 ) -> OrthoImage:
-    """One view of a plan; see `si3fp.ortho.rectify`."""
-    return rectify(panorama, image, seen, plan.grid, config)
+    """One view of a plan (see `si3fp.ortho.rectify`), without what other buildings hide."""
+    view = rectify(panorama, image, seen, plan.grid, config)
+    hidden = hidden_part(panorama, plan.wall, plan.grid, footprints, cluster)
+    return replace(view, valid=view.valid & ~hidden)
 
 
 def enough_seen(views: Sequence[OrthoImage], config: OrthoConfig) -> list[OrthoImage]:

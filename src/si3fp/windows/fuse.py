@@ -18,6 +18,9 @@ from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Detections, OrthoImage
 from si3fp.windows.detect import iou_matrix
 
+NESTED_SHARE = 0.8
+NESTED_SCORE = 0.7
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FusedDetections:
@@ -153,13 +156,38 @@ def combine(
             scores.append(score)
             names.append(agreed.views[index])
             spreads.append(agreed.spread_px[index])
-    order = np.argsort(-np.array(scores), kind="stable")
     kept = Detections(np.array(boxes), np.array(scores), np.full(len(boxes), "window"))
+    order = _not_nested(kept)
     return FusedDetections(
         kept.select(order),
         tuple(names[i] for i in order),
         np.array(spreads).reshape(-1, 4)[order],
     )
+
+
+def _not_nested(detections: Detections) -> NDArray[np.int_]:
+    """Indices, best first, without boxes inside another: the lights of a window are no windows.
+
+    Of a box and what lies in it, the outer one stays unless its score is much lower.
+    """
+    boxes, scores = detections.boxes_px, detections.scores
+    low = np.maximum(boxes[:, None, :2], boxes[None, :, :2])
+    high = np.minimum(boxes[:, None, 2:], boxes[None, :, 2:])
+    common = np.prod(np.clip(high - low, 0, None), axis=-1)
+    area = np.prod(boxes[:, 2:] - boxes[:, :2], axis=-1)
+    # inside[i, j]: most of i lies in j, which is larger.
+    inside = (common > NESTED_SHARE * area[:, None]) & (area[:, None] < area[None])
+    dropped = np.zeros(len(boxes), bool)
+    for outer in np.argsort(-area, kind="stable"):
+        inner = np.flatnonzero(inside[:, outer] & ~dropped)
+        if not len(inner) or dropped[outer]:
+            continue
+        if scores[outer] >= NESTED_SCORE * scores[inner].max():
+            dropped[inner] = True
+        else:
+            dropped[outer] = True
+    order = np.argsort(-scores, kind="stable")
+    return order[~dropped[order]]
 
 
 def views_that_saw(box_px: FloatArray, views: Sequence[OrthoImage]) -> tuple[str, ...]:

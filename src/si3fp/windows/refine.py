@@ -22,6 +22,16 @@ from si3fp.model import Detections, OrthoImage
 from si3fp.windows.fuse import FusedDetections
 
 COLOUR_BINS = 12
+MULLION_SHARE = 0.12
+"""Share of the width on both sides of the middle that is left out there too."""
+FRAME_M = 0.10
+UNKNOWN_INSIDE, UNKNOWN_OUTSIDE = 5e-5, 2.5e-4
+"""Densities added to the histograms: a colour that neither knows counts for the outside."""
+LIKENESS_WEIGHT = 0.3
+"""Score per 2 cm of columns or rows that look like the inside."""
+EDGE_WEIGHT = 3.0
+EDGE_SLOPE = 6.0
+"""Grey levels per pixel at which an edge counts half."""
 CORE_SHARE = 0.2
 """Share of the size that is left out on each side where the inside's colours are learnt."""
 
@@ -60,7 +70,7 @@ def refine_boxes(
         [_evidence(box, boxes, colours, strength, offsets, m_per_px, image.valid) for box in boxes]
     )
     prior = -0.5 * (offsets * m_per_px / config.box_sigma_m) ** 2
-    shared = _shared_offsets(boxes, evidence, offsets)
+    shared = _shared_offsets(boxes, evidence + prior, offsets)
     moves = np.zeros((len(boxes), 4))
     for index in range(len(boxes)):
         near = -0.5 * ((offsets - shared[index][:, None]) * m_per_px / config.own_sigma_m) ** 2
@@ -119,7 +129,9 @@ def _evidence(
     left, top, right, bottom = box.round().astype(int)
     x0, y0 = max(left - ring, 0), max(top - ring, 0)
     x1, y1 = min(right + ring, width), min(bottom + ring, height)
-    likeness = _likeness(box, boxes, colours[y0:y1, x0:x1], valid[y0:y1, x0:x1], (x0, y0))
+    likeness = _likeness(
+        box, boxes, colours[y0:y1, x0:x1], valid[y0:y1, x0:x1], (x0, y0), FRAME_M / m_per_px
+    )
     scores = np.zeros((4, len(offsets)))
     inner_y = _middle(top - y0, bottom - y0, y1 - y0)
     inner_x = _middle(left - x0, right - x0, x1 - x0)
@@ -151,6 +163,7 @@ def _likeness(
     colours: NDArray[np.int_],
     valid: NDArray[np.bool_],
     corner: tuple[int, int],
+    frame_px: float,
 ) -> FloatArray:
     """(h, w) log ratio: does the colour belong to the inside of the box or to the wall around it.
 
@@ -159,15 +172,20 @@ def _likeness(
     height, width = colours.shape
     y, x = np.mgrid[0:height, 0:width] + 0.5
     x, y = x + corner[0], y + corner[1]
-    size = box[2:] - box[:2]
-    shrink = np.array([CORE_SHARE, CORE_SHARE]) * size
+    across, down = (x - box[0]) / (box[2] - box[0]), (y - box[1]) / (box[3] - box[1])
+    # A mullion of stone in the middle must not make stone a colour of the inside.
     inside = (
-        (x > box[0] + shrink[0])
-        & (x < box[2] - shrink[0])
-        & (y > box[1] + shrink[1])
-        & (y < box[3] - shrink[1])
+        (np.abs(across - 0.5) < 0.5 - CORE_SHARE)
+        & (np.abs(down - 0.5) < 0.5 - CORE_SHARE)
+        & (np.abs(across - 0.5) > MULLION_SHARE)
     )
-    outside = (x < box[0]) | (x > box[2]) | (y < box[1]) | (y > box[3])
+    # What lies within a frame's width beyond the box may be its frame: it tells nothing.
+    outside = (
+        (x < box[0] - frame_px)
+        | (x > box[2] + frame_px)
+        | (y < box[1] - frame_px)
+        | (y > box[3] + frame_px)
+    )
     for other in boxes:
         if not np.array_equal(other, box):
             outside &= (x < other[0]) | (x > other[2]) | (y < other[1]) | (y > other[3])
@@ -184,8 +202,10 @@ def _likeness(
             )
         return np.asarray(cube.ravel() / max(cube.sum(), 1.0))
 
-    ratio = np.log((histogram(inside) + 2e-4) / (histogram(outside) + 1e-3))
-    return np.where(valid, np.clip(ratio[colours], -2.0, 2.0), 0.0)
+    ratio = np.log((histogram(inside) + UNKNOWN_INSIDE) / (histogram(outside) + UNKNOWN_OUTSIDE))
+    # What differs less than sampling noise says nothing.
+    ratio = np.sign(ratio) * np.clip(np.abs(ratio) - 0.25, 0.0, 2.0)
+    return np.where(valid, ratio[colours], 0.0)
 
 
 def _side(
@@ -193,7 +213,6 @@ def _side(
 ) -> FloatArray:
     """Score (K,) of every offset of one side: likeness gained inside, plus the gradient there."""
     total = np.zeros(len(offsets))
-    peak = max(float(edge.max()), 6.0)
     for k, offset in enumerate(offsets):
         border = place + outward * int(offset)
         # Columns between the innermost offset and this one are inside if the side stands here.
@@ -202,8 +221,9 @@ def _side(
         low, high = max(low, 0), min(high, len(profile))
         gained = profile[low:high].sum() if high > low else 0.0
         near = edge[max(border - 1, 0) : border + 1]
-        strength = float(near.max()) / peak if len(near) else 0.0
-        total[k] = 0.3 * gained + 3.0 * strength
+        # Saturating: a frame on a light wall is as good an edge as its dark glass.
+        slope = float(near.max()) if len(near) else 0.0
+        total[k] = LIKENESS_WEIGHT * gained + EDGE_WEIGHT * slope / (slope + EDGE_SLOPE)
     return total
 
 

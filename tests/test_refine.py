@@ -1,0 +1,88 @@
+"""Box edges on painted windows: stone surrounds are left out, blank walls leave boxes alone."""
+
+import numpy as np
+import pytest
+
+from si3fp.config import MeasureConfig
+from si3fp.model import Detections, OrthoImage
+from si3fp.windows.fuse import FusedDetections
+from si3fp.windows.refine import refine_boxes
+
+WALL, STONE, FRAME, GLASS = (205, 195, 180), (180, 110, 90), (235, 235, 235), (40, 45, 55)
+
+
+def facade(windows, surround_px=0, mullion=False, noise=6.0, frame=FRAME):
+    """A wall with windows (x0, y0, x1, y1): stone surround, frame 4 px wide, muntins, glass."""
+    rng = np.random.default_rng(3)
+    rgb = np.empty((300, 900, 3))
+    rgb[:] = WALL
+    for x0, y0, x1, y1 in windows:
+        s = surround_px
+        rgb[y0 - s : y1 + s, x0 - s : x1 + s] = STONE
+        rgb[y0:y1, x0:x1] = frame
+        middle_x, middle_y = (x0 + x1) // 2, (y0 + y1) // 2
+        for left, right in ((x0 + 4, middle_x - 2), (middle_x + 2, x1 - 4)):
+            for top, bottom in ((y0 + 4, middle_y - 1), (middle_y + 1, y1 - 4)):
+                rgb[top:bottom, left:right] = GLASS
+        if mullion:
+            rgb[y0:y1, middle_x - 6 : middle_x + 6] = STONE
+    rgb += rng.normal(0, noise, rgb.shape)
+    return OrthoImage("fused", np.clip(rgb, 0, 255).astype(np.uint8), np.ones((300, 900), bool))
+
+
+def boxes(*rows):
+    found = Detections(
+        np.array(rows, float), np.full(len(rows), 0.8), np.array(["window"] * len(rows))
+    )
+    return FusedDetections(found, tuple(("a",) for _ in rows), np.zeros((len(rows), 4)))
+
+
+TRUE = [(100, 80, 160, 180), (300, 80, 360, 180), (500, 80, 560, 180), (700, 80, 760, 180)]
+
+
+def error_px(refined, true):
+    return np.abs(refined.detections.boxes_px - np.array(true)).max()
+
+
+@pytest.mark.parametrize("mullion", [False, True])
+def test_surrounds_are_not_part_of_the_window(mullion):
+    image = facade(TRUE, surround_px=10, mullion=mullion)
+    loose = boxes(*[(x0 - 8, y0 - 9, x1 + 7, y1 + 8) for x0, y0, x1, y1 in TRUE])
+    refined = refine_boxes(loose, image, 0.02, MeasureConfig())
+    assert error_px(refined, TRUE) < 2.5
+
+
+def test_sides_that_are_too_far_inside_move_out():
+    image = facade(TRUE)
+    tight = boxes(*[(x0 + 5, y0 + 6, x1 - 5, y1 - 4) for x0, y0, x1, y1 in TRUE])
+    assert error_px(refine_boxes(tight, image, 0.02, MeasureConfig()), TRUE) < 2.5
+
+
+def test_good_boxes_stay():
+    refined = refine_boxes(boxes(*TRUE), facade(TRUE), 0.02, MeasureConfig())
+    assert error_px(refined, TRUE) < 1.5
+
+
+def test_a_blank_wall_gives_no_reason_to_move():
+    image = facade([])
+    start = boxes(*TRUE)
+    refined = refine_boxes(start, image, 0.02, MeasureConfig())
+    assert error_px(refined, TRUE) < 6
+
+
+def test_scores_views_and_number_are_kept_and_it_can_be_switched_off():
+    image, start = facade(TRUE, 10), boxes(*TRUE)
+    refined = refine_boxes(start, image, 0.02, MeasureConfig())
+    assert refined.views == start.views
+    assert np.array_equal(refined.detections.scores, start.detections.scores)
+    assert refine_boxes(start, image, 0.02, MeasureConfig(refine=False)) is start
+    empty = boxes()
+    assert len(refine_boxes(empty, image, 0.02, MeasureConfig()).detections) == 0
+
+
+def test_windows_at_the_edge_of_the_image_and_of_what_was_seen():
+    windows = [(2, 3, 62, 103), (836, 190, 896, 290)]
+    image = facade(windows)
+    refined = refine_boxes(boxes(*windows), image, 0.02, MeasureConfig())
+    assert np.isfinite(refined.detections.boxes_px).all()
+    assert error_px(refined, windows) < 6
