@@ -121,6 +121,8 @@ class MeasureConfig:
     assumed_recess_m: float = 0.12  # decision: typical reveal where the depth is unknown
     recess_sigma_m: float = 0.06  # decision: uncertainty of that assumption
     correct_recess: bool = True
+    door_sill_m: float = 0.4  # decision: what starts below this above the ground
+    door_height_m: float = 1.7  # and is taller than this is a door or gate, not a window
     min_size_m: float = 0.25  # decision: smaller boxes are vents and noise
 
 

@@ -153,6 +153,8 @@ def claim(workspace: Workspace, key: str, overwrite: bool) -> None:
         If it holds a run of other inputs or settings and ``overwrite`` is not set.
     """
     held = None
+    if workspace.root.exists() and not workspace.root.is_dir():
+        raise InputError(f"{workspace.root} is a file; give a folder for the run with -o.")
     if workspace.key.exists():
         held = read_json(workspace.key)["key"]
     elif workspace.root.exists() and any(workspace.root.iterdir()):

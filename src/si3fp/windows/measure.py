@@ -54,8 +54,11 @@ def measure_windows(
         strict=True,
     ):
         edges_m = edges_from_box(box_px, grid)
-        if min(edges_m[1] - edges_m[0], edges_m[3] - edges_m[2]) < config.min_size_m:
+        width_m, height_m = edges_m[1] - edges_m[0], edges_m[3] - edges_m[2]
+        if min(width_m, height_m) < config.min_size_m:
             continue
+        if edges_m[2] < config.door_sill_m and height_m > config.door_height_m:
+            continue  # it stands on the ground: an entrance, a gate, an arcade
         cameras = [cameras_in_facade[view] for view in views if view in cameras_in_facade]
         lever = recess_lever(edges_m, cameras)
         sigma_m = np.hypot(
