@@ -16,6 +16,7 @@ from si3fp.geometry.rigid import Rigid3
 from si3fp.model import FacadeViews, OrthoImage, Panorama
 from si3fp.streetview.align import (
     Registration,
+    _features,
     _nearest,
     motion_covariance,
     register,
@@ -209,17 +210,36 @@ def test_views_that_saw_nothing_in_common_do_not_match_in_the_unseen():
 
 
 def test_the_edge_of_the_seen_is_no_feature():
-    """Both views are black outside one same ragged outline, which does not move with the wall."""
+    """No feature lies within four pixels of the black beyond a ragged outline."""
     rng = np.random.default_rng(10)
     blobs = cv2.GaussianBlur(rng.normal(size=SIZE[::-1]).astype(np.float32), (0, 0), 12.0)
     seen = blobs > -0.03
-    motions = [about_middle([[1, 0, dx], [0, 1, 0], [0, 0, 1]]) for dx in (-5, 0, 5)]
-    views = []
-    for index, motion in enumerate(motions):
-        view = moved_wall(painted_wall(10), motion, index)
-        view.rgb[~seen] = 0
-        views.append(dataclasses.replace(view, valid=seen))
-    assert disagreement_px(aligned(views), motions) < 1.0
+    view = dataclasses.replace(moved_wall(painted_wall(10), np.eye(3), 0), valid=seen)
+    view.rgb[~seen] = 0
+    points_m, _ = _features(view, GRID, CONFIG)
+    columns, rows = np.floor(points_m / M_PER_PX + MIDDLE).astype(int).T
+    gap_px = cv2.distanceTransform(seen.astype(np.uint8), cv2.DIST_C, 3)
+    assert len(points_m) > 50
+    assert gap_px[rows, columns].min() > 4
+
+
+def test_features_are_where_their_blobs_are():
+    """On a grid finer than the features' own: metres to the right and down from the middle."""
+    grid = FacadeGrid.covering(Rigid3(np.eye(3), np.zeros(3)), 9.0, 6.0, 0.02)
+    xy = np.stack(np.meshgrid(np.arange(450) + 0.5, np.arange(300) + 0.5), axis=-1)
+    rng = np.random.default_rng(0)
+    nodes = np.stack(np.meshgrid(np.linspace(-3.7, 3.7, 7), np.linspace(-2.2, 2.2, 5)), axis=-1)
+    places_m = nodes.reshape(-1, 2) + rng.uniform(-0.2, 0.2, (35, 2))
+    grey = np.full((300, 450), 90.0)
+    for place_m in places_m:
+        square = np.sum((xy - (place_m / 0.02 + [225, 150])) ** 2, axis=-1)
+        grey += 120 * np.exp(-square / (2 * 7.0**2))
+    rgb = np.repeat(grey.astype(np.uint8)[..., None], 3, axis=-1)
+    points_m, _ = _features(OrthoImage("v", rgb, np.ones(grey.shape, np.bool_)), grid, CONFIG)
+    gaps = points_m[None] - places_m[:, None]
+    nearest = gaps[np.arange(35), np.linalg.norm(gaps, axis=-1).argmin(axis=1)]
+    # Half a pixel of the 0.05 m that they are found on would be 0.025 m.
+    assert np.abs(np.median(nearest, axis=0)).max() < 0.008
 
 
 def test_a_view_of_something_else_is_dropped_with_a_reason():
@@ -369,6 +389,18 @@ def test_registered_moves_whole_pixels_exactly(shift_by_five):
     np.testing.assert_array_equal(moved.rgb[:-3, 5:], view.rgb[3:, :-5])
     assert not moved.valid[:, :5].any()
     assert not moved.valid[-3:].any()
+
+
+def test_registered_keeps_corners_not_centres():
+    """Twice as large about the corner (0, 0): a square of 10 pixels becomes one of 20."""
+    rgb = np.full((SIZE[1], SIZE[0], 3), 40, np.uint8)
+    rgb[20:30, 50:60] = 240
+    twice = Registration("v", True, "", "similarity", np.diag([2.0, 2.0, 1.0]))
+    moved = registered(OrthoImage("v", rgb, np.ones(rgb.shape[:2], np.bool_)), twice, GRID)
+    bright = moved.rgb[..., 0] > 140
+    expected = np.zeros_like(bright)
+    expected[40:60, 100:120] = True
+    np.testing.assert_array_equal(bright, expected)
 
 
 def test_registered_returns_an_unmoved_view_as_it_is():

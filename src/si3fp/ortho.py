@@ -85,7 +85,8 @@ def rectify(
     Notes
     -----
     SI3FP, Algorithm 1, at pixel centres. Where the source is finer than the grid it is first
-    averaged down by a power of two, so that nothing aliases.
+    averaged down by a power of two, so that it does not alias. One factor serves the whole view,
+    that of the median pixel: places much nearer than most are still sampled, not averaged.
     """
     lattice, step, shrink = _lattice_map(panorama, grid, image.shape[1], image.shape[0])
     window = _source_window(lattice, shrink, image.shape[1], image.shape[0])
