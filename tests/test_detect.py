@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from si3fp.errors import InputError
+from si3fp.geometry.boxes import iou_matrix
 from si3fp.model import Detections, OrthoImage
 from si3fp.windows import detect
-from si3fp.windows.detect import OnnxDetector, decode, iou_matrix
+from si3fp.windows.detect import OnnxDetector, decode
 
 
 def ortho(rgb):

@@ -26,18 +26,19 @@ from rich.progress import (
 
 import si3fp
 from si3fp.config import StreetConfig
-from si3fp.errors import InputError, Si3fpError
-from si3fp.pipeline import StreetRun, run_street
-from si3fp.report.map_layer import windows_geojson
+from si3fp.demo import run_demo
+from si3fp.errors import Si3fpError
+from si3fp.pipeline import run_street
+from si3fp.report.map_layer import write_map_layer
 from si3fp.report.run_report import write_report
-from si3fp.steps import Circle
+from si3fp.steps import Circle, simulate_run
 from si3fp.steps import Progress as Report
-from si3fp.workspace import Workspace, dump_json, read_json, write_text
+from si3fp.workspace import Workspace, dump_json, read_json
 
 EXIT_FACADE_FAILED = 3
 EXIT_INTERRUPTED = 130
 
-existing_file = click.Path(path_type=Path)
+a_path = click.Path(path_type=Path)
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -47,9 +48,9 @@ def verbs() -> None:
 
 
 @verbs.command()
-@click.argument("panoramas", type=existing_file)
-@click.option("--footprints", type=existing_file, help="Footprints: GeoJSON or GeoPackage.")
-@click.option("-o", "--out", type=existing_file, required=True, help="Folder of the run.")
+@click.argument("panoramas", type=a_path)
+@click.option("--footprints", type=a_path, help="Footprints: GeoJSON or GeoPackage.")
+@click.option("-o", "--out", type=a_path, required=True, help="Folder of the run.")
 @click.option("--lat", type=float, help="Centre of the neighbourhood, with --lon and --radius-m.")
 @click.option("--lon", type=float)
 @click.option("--radius-m", type=float)
@@ -103,25 +104,21 @@ def street(
             overwrite=overwrite,
             progress=progress,
         )
-    finish_street(run)
+    write_map_layer(run)
+    write_report(out)
     click.echo(summary(out))
     if run.failed:
         sys.exit(EXIT_FACADE_FAILED)
 
 
 @verbs.command()
-@click.argument("run", type=existing_file)
-@click.option("--epw", type=existing_file, required=True, help="Weather file (EPW).")
+@click.argument("run", type=a_path)
+@click.option("--epw", type=a_path, required=True, help="Weather file (EPW).")
 def simulate(run: Path, epw: Path) -> None:
     """Simulate the heating demand of a run's model with EnergyPlus (extra `energy`)."""
-    from si3fp.thermal.energyplus import simulate as run_energyplus  # noqa: PLC0415
-
     workspace = Workspace(run)
-    if not workspace.model.exists():
-        raise InputError(f"{run} holds no model.hbjson; run `si3fp street ... -o {run}` first.")
     with progress_lines() as say:
-        result = run_energyplus(workspace.model, epw, workspace.simulation, progress=say)
-    workspace.write_json(workspace.simulation_result, "simulation", result.as_dict())
+        result = simulate_run(workspace, epw, say)
     write_report(run)
     for building in result.buildings:
         click.echo(
@@ -132,7 +129,19 @@ def simulate(run: Path, epw: Path) -> None:
 
 
 @verbs.command()
-@click.argument("run", type=existing_file)
+@click.option(
+    "-o", "--out", type=a_path, default="demo-run", show_default=True, help="Folder of the run."
+)
+def demo(out: Path) -> None:
+    """Run `street` and `simulate` on the street that ships with the package, against its truth."""
+    with progress_bars() as progress:
+        code = run_demo(out, progress=progress)
+    if code:
+        sys.exit(code)
+
+
+@verbs.command()
+@click.argument("run", type=a_path)
 @click.option("--json", "as_json", is_flag=True, help="Machine-readable.")
 def info(run: Path, as_json: bool) -> None:
     """What a run found."""
@@ -140,13 +149,6 @@ def info(run: Path, as_json: bool) -> None:
         click.echo(dump_json(read_json(Workspace(run).run_json)), nl=False)
     else:
         click.echo(summary(run))
-
-
-def finish_street(run: StreetRun) -> None:
-    """The map layer and the report of a run."""
-    layer = windows_geojson(run.buildings, run.origin, run.loose_facades)
-    write_text(run.workspace.windows_geojson, dump_json(layer))
-    write_report(run.workspace.root)
 
 
 def summary(run: Path) -> str:

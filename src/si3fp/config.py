@@ -121,6 +121,14 @@ class MeasureConfig:
     assumed_recess_m: float = 0.12  # decision: typical reveal where the depth is unknown
     recess_sigma_m: float = 0.06  # decision: uncertainty of that assumption
     correct_recess: bool = True
+    measure_recess: bool = True  # decision: by parallax where views allow (docs/decisions/0008)
+    recess_m_per_px: float = 0.04  # decision: views are compared at this resolution or coarser
+    recess_max_views: int = 10  # decision: those with the widest spread of directions
+    recess_min_views: int = 3  # decision: two cannot outvote a reflection
+    recess_min_spread: float = 0.3  # decision: baseline over distance at the window
+    recess_min_peak: float = 0.04  # decision: rise of the correlation above its low tenth
+    recess_max_width_m: float = 0.20  # decision: half width of a peak; blunter ones tell nothing
+    recess_floor_m: float = 0.02  # decision: systematic error of a measured recess
     door_sill_m: float = 0.4  # decision: what starts below this above the ground
     door_height_m: float = 1.7  # and is taller than this is a door or gate, not a window
     min_size_m: float = 0.25  # decision: smaller boxes are vents and noise

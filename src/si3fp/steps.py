@@ -40,6 +40,7 @@ from si3fp.streetview.views import ViewPlan, enough_seen, make_view, plan_views
 from si3fp.thermal.archetypes import Archetype, archetype
 from si3fp.thermal.assemble import assemble
 from si3fp.thermal.building import make_building
+from si3fp.thermal.energyplus import SimulationResult, simulate
 from si3fp.windows.detect import WindowDetector
 from si3fp.windows.parse import ParsedFacade, parse_facade
 from si3fp.workspace import (
@@ -338,7 +339,7 @@ def _write_facade(
         },
         "box": _plain(photo.box),
         "plane": _plain(plan.wall.fit),
-        "notes": [*plan.wall.notes, *photo.box.notes, _recess_note(config)],
+        "notes": [*plan.wall.notes, *photo.box.notes, _recess_note(parsed, config)],
     }
     record = head | facade_record(facade, inputs.origin) | about
     workspace.write_json(workspace.facade(name, "facade.json"), "facade", record)
@@ -389,12 +390,20 @@ def _rounded_or_none(value: float | None) -> float | None:
     return None if value is None else round(value, 3)
 
 
-def _recess_note(config: StreetConfig) -> str:
-    if not config.measure.correct_recess:
-        return "recess of the glass not corrected (switched off)"
+def _recess_note(parsed: ParsedFacade, config: StreetConfig) -> str:
+    """How deep the glass lies and how that is known."""
+    measured = [window.recess_m for window in parsed.windows if window.recess_m is not None]
+    switched_off = "" if config.measure.correct_recess else "; edges not corrected (switched off)"
+    assumed = (
+        f"assumed {config.measure.assumed_recess_m:g} +- {config.measure.recess_sigma_m:g} m "
+        "behind the wall"
+    )
+    if not measured:
+        return f"glass {assumed}{switched_off}"
+    rest = len(parsed.windows) - len(measured)
     return (
-        f"glass assumed {config.measure.assumed_recess_m:g} m behind the wall (+-"
-        f"{config.measure.recess_sigma_m:g} m): edges seen through the opening are corrected"
+        f"glass {float(np.median(measured)):.2f} m behind the wall, measured by parallax at "
+        f"{len(measured)} windows" + (f"; {assumed} at {rest}" if rest else "") + switched_off
     )
 
 
@@ -493,3 +502,17 @@ def write_run(
         "notes": list(inputs.notes),
     }
     workspace.write_json(workspace.run_json, "run", payload)
+
+
+def simulate_run(
+    workspace: Workspace, epw: Path, say: Callable[[str], None] | None = None
+) -> SimulationResult:
+    """EnergyPlus on the run's model; ``simulation/result.json`` with the heating demand."""
+    if not workspace.model.exists():
+        raise InputError(
+            f"{workspace.root} holds no model.hbjson; run `si3fp street ... -o "
+            f"{workspace.root}` first."
+        )
+    result = simulate(workspace.model, epw, workspace.simulation, progress=say)
+    workspace.write_json(workspace.simulation_result, "simulation", result.as_dict())
+    return result

@@ -16,6 +16,7 @@ import pytest
 from tests.scenes import make_street, write_street
 
 from si3fp import cli, steps
+from si3fp.config import StreetConfig
 from si3fp.errors import FacadeError, MissingDependencyError
 from si3fp.model import Missing
 
@@ -143,12 +144,16 @@ def test_truncated_image(on_street, street):
     fails(on_street(), r"pano-00\.jpg", "truncated", "again|remove")
 
 
-def test_a_bad_image_costs_no_finished_work(on_street, street, tmp_path, monkeypatch):
-    image = street / "panoramas" / "pano-02.jpg"
-    whole = image.read_bytes()
-    image.write_bytes(whole[:-4000])
-    fails(on_street(), "pano-02")
-    assert list((tmp_path / "RUN" / "cache" / "views").rglob("pano-00.png"))
+def test_a_bad_image_costs_no_finished_work(on_street, street, tmp_path):
+    inputs = steps.collect(
+        street / "panoramas.geojson", street / "footprints.geojson", StreetConfig()
+    )
+    *before, last = inputs.panoramas
+    image = street / "panoramas" / f"{last}.jpg"
+    image.write_bytes(image.read_bytes()[:-4000])
+    fails(on_street(), last)
+    for name in before:
+        assert list((tmp_path / "RUN" / "cache" / "views").rglob(f"{name}.png"))
 
 
 def test_empty_image(on_street, street):
@@ -283,12 +288,10 @@ def test_simulate_without_a_model(si3fp, tmp_path):
 
 
 def test_simulate_without_the_extra_names_it(si3fp, tmp_path, monkeypatch):
-    from si3fp.thermal import energyplus
-
     def missing(*_, **__):
         raise MissingDependencyError("Install it with: pip install 'si3fp[energy]'")
 
-    monkeypatch.setattr(energyplus, "simulate", missing)
+    monkeypatch.setattr(steps, "simulate", missing)
     (tmp_path / "model.hbjson").write_text("{}")
     fails(si3fp("simulate", tmp_path, "--epw", "x.epw"), r"pip install 'si3fp\[energy\]'")
 

@@ -14,11 +14,11 @@ import click
 from si3fp.errors import MissingDependencyError
 from si3fp.evaluate import Evaluation, FacadeEvaluation, evaluate, facades_from_hbjson
 from si3fp.pipeline import run_street
-from si3fp.report.map_layer import windows_geojson
+from si3fp.report.map_layer import write_map_layer
 from si3fp.report.run_report import write_report
-from si3fp.steps import Progress
-from si3fp.thermal.energyplus import shipped_epw, simulate
-from si3fp.workspace import Workspace, dump_json, read_json, write_text
+from si3fp.steps import Progress, simulate_run
+from si3fp.thermal.energyplus import shipped_epw
+from si3fp.workspace import Workspace, read_json
 
 MIN_F1 = 0.8  # the demo fails below this,
 MAX_WWR_ERROR = 0.03  # and above this error of the glazed area over the gross wall area
@@ -47,8 +47,7 @@ def run_demo(
     run = run_street(
         street / "panoramas.geojson", street / "footprints.geojson", out, progress=progress
     )
-    layer = windows_geojson(run.buildings, run.origin, run.loose_facades)
-    write_text(run.workspace.windows_geojson, dump_json(layer))
+    write_map_layer(run)
     _simulate(run.workspace)
     result = evaluate_run(run.workspace.model, street / "truth.hbjson")
     click.echo(_table(result))
@@ -66,11 +65,10 @@ def evaluate_run(model: Path, truth: Path) -> Evaluation:
 
 def _simulate(workspace: Workspace) -> None:
     try:
-        result = simulate(workspace.model, shipped_epw(), workspace.simulation)
+        result = simulate_run(workspace, shipped_epw())
     except MissingDependencyError as error:
         click.echo(f"No simulation: {error}\n")
         return
-    workspace.write_json(workspace.simulation_result, "simulation", result.as_dict())
     click.echo(f"Heating demand with the weather of {result.weather}:")
     for building in result.buildings:
         click.echo(

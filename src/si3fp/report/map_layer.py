@@ -18,6 +18,7 @@ the run's origin.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,8 @@ from numpy.typing import ArrayLike
 from si3fp.geometry.enu import GeoOrigin, geodetic_from_world
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Building, Facade, Missing, Window
+from si3fp.pipeline import StreetRun
+from si3fp.workspace import dump_json, write_text
 
 Feature = dict[str, Any]
 
@@ -212,3 +215,10 @@ def _missing(missing: Missing, building: Building) -> Feature:
             "reason": missing.reason,
         },
     )
+
+
+def write_map_layer(run: StreetRun) -> Path:
+    """Write ``RUN/windows.geojson``; its path."""
+    layer = windows_geojson(run.buildings, run.origin, run.loose_facades)
+    write_text(run.workspace.windows_geojson, dump_json(layer))
+    return run.workspace.windows_geojson

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from datetime import datetime
 from importlib import resources
 from pathlib import Path
 from string import Template
-from typing import Any
 
 import numpy as np
 
@@ -23,7 +21,6 @@ from si3fp.report.markup import (
     counted,
     folded,
     joined,
-    number,
     table,
     tag,
 )
@@ -111,28 +108,27 @@ def _title(known: RunRecords) -> str:
     )
 
 
-def _date(value: Any) -> str:
-    """A date for readers, the text itself where it is no ISO date."""
-    try:
-        moment = datetime.fromisoformat(str(value))
-    except ValueError:
-        return str(value)
-    zone = " UTC" if moment.utcoffset() is not None and not moment.utcoffset() else ""
-    return f"{moment.day} {moment:%B %Y, %H:%M}{zone}"
-
-
 def _header(known: RunRecords, title: str) -> Markup:
     run = known.run
-    if run.get("finished") or run.get("started"):
-        when = _date(run.get("finished") or run.get("started"))
-    else:
-        when = "The run has not finished; this is what there is so far."
+    # No date of the run: the same input gives the same report.
+    when = (
+        _span(known) if run.get("finished") else "The run has not finished; this is what there is."
+    )
     return tag(
         "header",
         tag("p", "si3fp report", class_="kicker"),
         tag("h1", title),
-        tag("p", when, class_="soft"),
+        tag("p", when, class_="soft") if when else None,
     )
+
+
+def _span(known: RunRecords) -> str:
+    dates = sorted(
+        {str(p["captured"]) for p in records(known.run.get("panoramas")) if p.get("captured")}
+    )
+    if not dates:
+        return ""
+    return f"Imagery of {dates[0]}" + (f" to {dates[-1]}" if len(dates) > 1 else "")
 
 
 def _walls(known: RunRecords) -> Iterator[WallLine]:
@@ -229,7 +225,6 @@ def _building(known: RunRecords, building: BuildingRecords) -> Markup:
 
 def _about(known: RunRecords) -> Markup:
     run = known.run
-    seconds = record(run.get("seconds"))
     inputs = record(run.get("inputs"))
     config = run.get("config") or next(
         (facade["config"] for facade in known.facades if facade.get("config")), None
@@ -249,9 +244,6 @@ def _about(known: RunRecords) -> Markup:
         folded("Input files", table(["File", "SHA-256"], [
             [name, tag("code", str(digest))] for name, digest in inputs.items()
         ], words=(0, 1))) if inputs else None,
-        folded("Time per step", table(["Step", "Seconds"], [
-            [name, number(value, 1)] for name, value in seconds.items()
-        ])) if seconds else None,
         folded("Settings", tag("pre", json.dumps(config, indent=1, ensure_ascii=False)))
         if config else None,
         tag("p", f"Made with si3fp {run.get('si3fp_version', '')}. ", " ".join(ATTRIBUTIONS),

@@ -19,6 +19,7 @@ import onnxruntime
 from numpy.typing import NDArray
 
 from si3fp.errors import InputError
+from si3fp.geometry.boxes import iou_matrix
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Detections, Image, OrthoImage
 
@@ -182,17 +183,6 @@ def decode(
         values.append(score[rows, columns].astype(np.float64))
         labels.append(np.full(len(rows), label))
     return np.concatenate(boxes), np.concatenate(values), np.concatenate(labels)
-
-
-def iou_matrix(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Intersection over union (N, M) of boxes (N, 4) and (M, 4)."""
-    low = np.maximum(first[:, None, :2], second[None, :, :2])
-    high = np.minimum(first[:, None, 2:], second[None, :, 2:])
-    common = np.prod(np.clip(high - low, 0, None), axis=-1)
-    areas = [np.prod(np.clip(b[:, 2:] - b[:, :2], 0, None), axis=-1) for b in (first, second)]
-    union = areas[0][:, None] + areas[1][None] - common
-    overlap: FloatArray = common / np.maximum(union, 1e-12)
-    return overlap
 
 
 def _not_suppressed(detections: Detections) -> NDArray[np.int_]:

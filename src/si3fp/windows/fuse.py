@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from si3fp.config import FusionConfig
+from si3fp.geometry.boxes import iou_matrix
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Detections, OrthoImage
-from si3fp.windows.detect import iou_matrix
 
 NESTED_SHARE = 0.8
 NESTED_SCORE = 0.7

@@ -17,6 +17,7 @@ from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Detections, Window, WindowLabel
 from si3fp.windows.fuse import FusedDetections
+from si3fp.windows.recess import RecessEstimate
 
 BALCONY_DOOR_HEIGHT_M = 1.8
 OUTWARD = np.array([-1.0, 1.0, -1.0, 1.0])
@@ -29,6 +30,7 @@ def measure_windows(
     grid: FacadeGrid,
     cameras_in_facade: Mapping[str, FloatArray],
     config: MeasureConfig,
+    recesses: Sequence[RecessEstimate] | None = None,
 ) -> tuple[Window, ...]:
     """Windows in metres from the facade's lower left corner, top row first, left to right.
 
@@ -44,13 +46,17 @@ def measure_windows(
         Optical centres (3,) in the facade frame by view id.
     config
         Assumed recess, its uncertainty, smallest window.
+    recesses
+        Recess of every window by parallax; where it is not known, the assumed one is corrected.
     """
     windows = []
-    for box_px, score, views, spread_px in zip(
+    unknown = RecessEstimate(None, 0.0, 0.0, 0)
+    for box_px, score, views, spread_px, recess in zip(
         fused.detections.boxes_px,
         fused.detections.scores,
         fused.views,
         fused.spread_px,
+        [unknown] * len(fused.views) if recesses is None else recesses,
         strict=True,
     ):
         edges_m = edges_from_box(box_px, grid)
@@ -63,11 +69,12 @@ def measure_windows(
         lever = recess_lever(edges_m, cameras)
         sigma_m = np.hypot(
             np.maximum(spread_px[[0, 2, 3, 1]] / np.sqrt(max(len(views), 1)), 0.5) * grid.m_per_px,
-            lever * config.recess_sigma_m,
+            lever * (config.recess_sigma_m if recess.recess_m is None else recess.sigma_m),
         )
         correction_m = np.zeros(4)
         if config.correct_recess:
-            correction_m = OUTWARD * lever * config.assumed_recess_m
+            depth_m = config.assumed_recess_m if recess.recess_m is None else recess.recess_m
+            correction_m = OUTWARD * lever * max(depth_m, 0.0)
         left, right, bottom, top = np.clip(
             edges_m + correction_m, 0, [grid.width_m, grid.width_m, grid.height_m, grid.height_m]
         )
@@ -81,8 +88,9 @@ def measure_windows(
                 score=float(score),
                 views=views,
                 edge_sigma_m=_four(sigma_m),
+                recess_m=None if recess.recess_m is None else round(recess.recess_m, 3),
                 correction_m=_four(correction_m),
-                evidence=_evidence(len(views), config),
+                evidence=_evidence(len(views), recess, config),
             )
         )
     return tuple(sorted(windows, key=lambda w: (-round(w.y_m, 1), w.x_m)))
@@ -122,13 +130,16 @@ def _label(box_px: FloatArray, balconies: Detections, grid: FacadeGrid) -> Windo
     return "window"
 
 
-def _evidence(views: int, config: MeasureConfig) -> str:
-    recess = (
-        f"assumed recess of {config.assumed_recess_m:.2f} m corrected"
-        if config.correct_recess
-        else "recess not corrected"
-    )
-    return f"seen in {views} view{'s' if views != 1 else ''}; {recess}"
+def _evidence(views: int, recess: RecessEstimate, config: MeasureConfig) -> str:
+    if recess.recess_m is None:
+        depth = f"assumed recess of {config.assumed_recess_m:.2f} m"
+    else:
+        depth = (
+            f"recess of {recess.recess_m:.2f} +- {recess.sigma_m:.2f} m "
+            f"from parallax of {recess.views} views"
+        )
+    corrected = "corrected" if config.correct_recess else "not corrected"
+    return f"seen in {views} view{'s' if views != 1 else ''}; {depth} {corrected}"
 
 
 def _four(values: FloatArray) -> tuple[float, float, float, float]:

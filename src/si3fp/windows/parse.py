@@ -13,6 +13,7 @@ from si3fp.model import Detections, FacadeViews, OrthoImage, Window
 from si3fp.windows.detect import WindowDetector
 from si3fp.windows.fuse import combine, fuse_views
 from si3fp.windows.measure import measure_windows
+from si3fp.windows.recess import estimate_recess
 from si3fp.windows.refine import refine_boxes
 
 
@@ -65,7 +66,12 @@ def parse_facade(
     refined = refine_boxes(together, fused, grid.m_per_px, measure)
     balconies = of_label(on_fused, "balcony")
     balconies = balconies.select(balconies.scores >= detector.score_threshold)
-    windows = measure_windows(refined, balconies, grid, cameras_in_facade, measure)
+    recesses = None
+    if measure.measure_recess:
+        recesses = estimate_recess(
+            refined.detections.boxes_px, views.views, cameras_in_facade, grid.m_per_px, measure
+        )
+    windows = measure_windows(refined, balconies, grid, cameras_in_facade, measure, recesses)
     return ParsedFacade(windows, per_view, on_fused)
 
 
