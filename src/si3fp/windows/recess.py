@@ -247,8 +247,8 @@ def _agreement(
         x1, y1 = np.round((hole[2:] - shift) / shrink - [left, top]).astype(int).clip(0)
         mask[...] = 0.0 if keep_hole else 1.0
         mask[y0:y1, x0:x1] = 1.0 if keep_hole else 0.0
-        mask *= np.any(patch, axis=2)
-        patch *= mask[..., None]
+    masks *= np.any(patches, axis=3)
+    patches *= masks[..., None]
     count = len(views)
     flat, seen = patches.reshape(count, -1), masks.reshape(count, -1)
     energy = (patches**2).sum(axis=3).reshape(count, -1) @ seen.T
