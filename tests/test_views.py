@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from si3fp.config import OrthoConfig
+from si3fp.config import ClusterConfig, OrthoConfig
 from si3fp.geometry.equirect import world_from_pano_rotation
 from si3fp.geometry.rigid import Rigid3
-from si3fp.model import OrthoImage, Panorama
+from si3fp.model import Footprint, OrthoImage, Panorama
 from si3fp.streetview.cluster import Wall
-from si3fp.streetview.views import enough_seen, moved_to, plan_views
+from si3fp.streetview.views import enough_seen, make_view, moved_to, plan_views
 from si3fp.streetview.wall_fit import WallFit
 
 CONFIG = OrthoConfig()
@@ -124,6 +124,36 @@ def test_a_wall_that_nobody_sees_still_has_a_grid():
     made = plan(cameras(behind=(6, 2.5, -8)))
     assert made.panorama_ids == ()
     assert made.grid.m_per_px == CONFIG.m_per_px
+
+
+def test_what_another_building_hides_is_not_valid():
+    """A tower 2 m wide, halfway to the camera, hides 4 m of the wall."""
+    panoramas = cameras(a=(6, 2.5, 12))
+    made = plan(panoramas)
+    image = np.full((512, 1024, 3), 200, np.uint8)
+
+    def valid_columns_m(*footprints: Footprint) -> NDArray[np.float64]:
+        view = make_view(
+            made, panoramas["a"], image, np.ones((512, 1024), np.bool_), footprints, CONFIG,
+            ClusterConfig(),
+        )  # fmt: skip
+        columns = np.nonzero(view.valid.all(axis=0))[0]
+        return (columns + 0.5) * made.grid.m_per_px - made.margin_m
+
+    def block(height_m: float) -> Footprint:
+        corners = [[5, 6], [7, 6], [7, 5], [5, 5]]  # right, out
+        outline = [SOUTH_WALL.apply([x, 0, z])[:2] for x, z in corners]
+        return Footprint("other", np.array(outline), ground_m=3.0, height_m=height_m)
+
+    # The mask is made on a lattice of 0.2 m.
+    tower = valid_columns_m(block(30.0))
+    hidden = tower[np.diff(tower, prepend=tower[0]) > 0.5]
+    assert len(hidden) == 1
+    assert hidden[0] == pytest.approx(8.0, abs=0.25)
+    assert tower[tower < 6].max() == pytest.approx(4.0, abs=0.25)
+    everywhere = valid_columns_m()
+    assert everywhere.min() == pytest.approx(-CONFIG.margin_m, abs=0.05)
+    assert len(tower) == pytest.approx(len(everywhere) - 4.0 / made.grid.m_per_px, abs=15)
 
 
 def painted(seed: int, share: float) -> OrthoImage:
