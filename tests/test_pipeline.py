@@ -95,8 +95,8 @@ def test_finished_steps_are_not_done_again(street, first, tmp_path, monkeypatch)
     def refuse(*_):
         raise AssertionError("decoded again")
 
-    monkeypatch.setattr(steps, "load_panorama", refuse)
-    monkeypatch.setattr(steps, "align_views", refuse)
+    monkeypatch.setattr(steps.rectified, "load_panorama", refuse)
+    monkeypatch.setattr(steps.facades, "align_views", refuse)
     go(street, out)
     assert files_of(out) == files_of(first.workspace.root)
 
@@ -129,7 +129,7 @@ def test_one_facades_failure_is_a_missing_row_and_costs_nothing_else(street, tmp
     def fail(*_):
         raise FacadeError("the wall is a mirror")
 
-    monkeypatch.setattr(steps, "crop_to_facade", fail)
+    monkeypatch.setattr(steps.facades, "crop_to_facade", fail)
     with pytest.raises(ReconstructionError, match="the wall is a mirror"):
         go(street, tmp_path / "RUN")  # it was the only facade
     about = json.loads((tmp_path / "RUN" / "run.json").read_text())

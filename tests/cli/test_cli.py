@@ -262,7 +262,7 @@ def test_zero_facades(on_street, monkeypatch):
     def fail(*_):
         raise FacadeError("the wall is a mirror")
 
-    monkeypatch.setattr(steps, "align_views", fail)
+    monkeypatch.setattr(steps.facades, "align_views", fail)
     fails(on_street(), "No facade was found", "the wall is a mirror", r"run\.json")
 
 
@@ -291,7 +291,7 @@ def test_simulate_without_the_extra_names_it(si3fp, tmp_path, monkeypatch):
     def missing(*_, **__):
         raise MissingDependencyError("Install it with: pip install 'si3fp[energy]'")
 
-    monkeypatch.setattr(steps, "simulate", missing)
+    monkeypatch.setattr(steps.models, "simulate", missing)
     (tmp_path / "model.hbjson").write_text("{}")
     fails(si3fp("simulate", tmp_path, "--epw", "x.epw"), r"pip install 'si3fp\[energy\]'")
 

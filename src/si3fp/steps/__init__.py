@@ -1,0 +1,26 @@
+"""The steps of a run with their files: each skips what a former run has finished.
+
+Algorithms live in the modules below; here stands what is read, kept and written, and where one
+facade's failure becomes a `Missing` row.
+"""
+
+from si3fp.steps.facades import find_facade
+from si3fp.steps.inputs import Circle, StreetInputs, claim, collect, run_key
+from si3fp.steps.models import build_models, simulate_run, write_run
+from si3fp.steps.rectified import Progress, make_views, plan, write_cloud
+
+__all__ = [
+    "Circle",
+    "Progress",
+    "StreetInputs",
+    "build_models",
+    "claim",
+    "collect",
+    "find_facade",
+    "make_views",
+    "plan",
+    "run_key",
+    "simulate_run",
+    "write_cloud",
+    "write_run",
+]

@@ -1,0 +1,135 @@
+"""S.1 with its files: inputs are read, checked and filtered, and the run's folder is claimed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from si3fp.config import StreetConfig
+from si3fp.errors import InputError
+from si3fp.geometry.enu import GeoOrigin
+from si3fp.model import Footprint, Panorama
+from si3fp.sources.footprints import footprints_in_world, read_footprints
+from si3fp.sources.local import PanoramaRecord, panoramas_in_world, read_panorama_records
+from si3fp.sources.selection import run_origin, select_panoramas, within_radius
+from si3fp.workspace import (
+    Workspace,
+    dump_json,
+    key_of,
+    read_json,
+    sha256_of,
+    write_text,
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StreetInputs:
+    """What S.1 found.
+
+    Attributes
+    ----------
+    origin
+        Origin of the world frame.
+    panoramas
+        The panoramas used, by id.
+    records
+        Their files, by id.
+    footprints
+        The buildings; empty without a map.
+    by_building
+        Ids of the panoramas to use for every building.
+    hashes
+        SHA-256 of every input file by name, ``<id> image`` and ``<id> plane map``.
+    notes
+        What the filters did.
+    """
+
+    origin: GeoOrigin
+    panoramas: Mapping[str, Panorama]
+    records: Mapping[str, PanoramaRecord]
+    footprints: tuple[Footprint, ...]
+    by_building: Mapping[str, frozenset[str]]
+    hashes: Mapping[str, str]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Circle:
+    """A place and a radius that limit which panoramas are used."""
+
+    lat_deg: float
+    lon_deg: float
+    radius_m: float
+
+
+def collect(
+    panoramas: Path,
+    footprints: Path | None,
+    config: StreetConfig,
+    *,
+    circle: Circle | None = None,
+    columns: Mapping[str, str] | None = None,
+) -> StreetInputs:
+    """S.1: the panoramas and footprints of a run, checked and filtered."""
+    records = read_panorama_records(panoramas, config.collect.max_pixels)
+    outlines = read_footprints(footprints, columns) if footprints else []
+    notes: list[str] = []
+    if circle is not None:
+        kept = within_radius(records, circle.lat_deg, circle.lon_deg, circle.radius_m)
+        notes.append(
+            f"{len(kept)} of {len(records)} panoramas lie within {circle.radius_m:g} m of "
+            f"{circle.lat_deg}, {circle.lon_deg}."
+        )
+        if not kept:
+            raise InputError(f"{panoramas}: {notes[-1]} Give a larger radius or another place.")
+        records = kept
+    origin = run_origin(outlines, records)
+    buildings = tuple(footprints_in_world(outlines, origin))
+    selection = select_panoramas(records, buildings, origin, config.collect)
+    chosen = selection.records
+    files = {panoramas.name: panoramas} if panoramas.is_file() else {}
+    files |= {footprints.name: footprints} if footprints else {}
+    for record in chosen:
+        files[f"{record.id} image"] = record.image
+        if record.plane_map:
+            files[f"{record.id} plane map"] = record.plane_map
+    return StreetInputs(
+        origin,
+        {panorama.id: panorama for panorama in panoramas_in_world(chosen, origin)},
+        {record.id: record for record in chosen},
+        buildings,
+        selection.by_building,
+        {name: sha256_of(file) for name, file in sorted(files.items())},
+        (*notes, *selection.notes),
+    )
+
+
+def claim(workspace: Workspace, key: str, overwrite: bool) -> None:
+    """Make sure that the run's folder is empty or holds this very run, finished or not.
+
+    Raises
+    ------
+    InputError
+        If it holds a run of other inputs or settings and ``overwrite`` is not set.
+    """
+    held = None
+    if workspace.root.exists() and not workspace.root.is_dir():
+        raise InputError(f"{workspace.root} is a file; give a folder for the run with -o.")
+    if workspace.key.exists():
+        held = read_json(workspace.key)["key"]
+    elif workspace.root.exists() and any(workspace.root.iterdir()):
+        held = "files that are not of this run"
+    if overwrite:
+        workspace.clear()
+    elif held not in (None, key):
+        raise InputError(
+            f"{workspace.root} holds a run of other inputs, settings or another version. Choose "
+            "another folder with -o, or replace it with --overwrite."
+        )
+    write_text(workspace.key, dump_json({"key": key}))
+
+
+def run_key(inputs: StreetInputs, config: StreetConfig, detector_sha256: str, version: str) -> str:
+    """Names a run: the same key means the same results."""
+    return key_of(dict(inputs.hashes), config.as_dict(), detector_sha256, version)

@@ -1,0 +1,139 @@
+"""M.2 with its files: the thermal models, the record of the run, the simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from si3fp.config import StreetConfig
+from si3fp.errors import InputError
+from si3fp.model import Building, Facade, Missing
+from si3fp.records import (
+    missing_record,
+    origin_record,
+    rounded,
+)
+from si3fp.steps.inputs import StreetInputs
+from si3fp.streetview.cluster import WallClusters
+from si3fp.thermal.archetypes import Archetype, archetype
+from si3fp.thermal.assemble import assemble
+from si3fp.thermal.building import make_building
+from si3fp.thermal.energyplus import SimulationResult, simulate
+from si3fp.workspace import (
+    Workspace,
+    dump_json,
+    write_text,
+)
+
+
+def build_models(
+    inputs: StreetInputs,
+    found: Sequence[Facade],
+    missing: Sequence[Missing],
+    default_height_m: float,
+    workspace: Workspace,
+    config: StreetConfig,
+) -> tuple[list[Building], list[Facade], list[dict[str, Any]]]:
+    """M.2: ``model.hbjson``, ``buildings/*.hbjson``; buildings, loose facades, their records."""
+    buildings, archetypes, rows = [], {}, []
+    edges = {f"{f.id}-{i}": f.id for f in inputs.footprints for i in range(len(f.edges()))}
+    for footprint in inputs.footprints:
+        mine = [facade for facade in found if edges.get(facade.id) == footprint.id]
+        lost = [row for row in missing if edges.get(row.facade_id) == footprint.id]
+        building, notes = make_building(
+            footprint, mine, lost, inputs.origin, default_height_m, config.thermal
+        )
+        kind = archetype(config.thermal.country, building.year, config.thermal.default_year)
+        buildings.append(building)
+        archetypes[building.id] = kind
+        rows.append(_building_row(building, kind, notes))
+    loose = [facade for facade in found if facade.id not in edges]
+    if not buildings and not loose:
+        return [], [], []
+    whole = assemble(buildings, archetypes, config.thermal, loose, origin=inputs.origin)
+    write_text(workspace.model, dump_json(whole.hbjson))
+    for building, row in zip(buildings, rows, strict=True):
+        single = assemble([building], archetypes, config.thermal, neighbours=buildings)
+        write_text(workspace.building(building.id), dump_json(single.hbjson))
+        row["notes"] += single.notes
+    return buildings, loose, rows
+
+
+def _building_row(building: Building, kind: Archetype, notes: Sequence[str]) -> dict[str, Any]:
+    area = sum(facade.width_m * facade.height_m for facade in building.facades)
+    glass = sum(w.area_m2 for facade in building.facades for w in facade.windows)
+    return {
+        "id": building.id,
+        "storeys": building.storeys,
+        "height_m": round(building.height_m, 3),
+        "year": building.year,
+        "facades": [facade.id for facade in building.facades],
+        "wwr": round(glass / area, 5) if area else None,
+        "archetype": {"name": kind.name, **asdict(kind)},
+        "notes": list(notes),
+    }
+
+
+def write_run(
+    workspace: Workspace,
+    inputs: StreetInputs,
+    clusters: WallClusters,
+    missing: Sequence[Missing],
+    buildings: Sequence[dict[str, Any]],
+    about: Mapping[str, Any],
+) -> None:
+    """``run.json``: the only file with times and dates."""
+    payload = {
+        **about,
+        "inputs": dict(inputs.hashes),
+        "origin": origin_record(inputs.origin),
+        "panoramas": [
+            {
+                "id": panorama.id,
+                "captured": panorama.captured,
+                "position_in_world": rounded(panorama.centre_in_world, 3),
+                "used": any(panorama.id in wall.panorama_ids for wall in clusters.walls),
+            }
+            for panorama in inputs.panoramas.values()
+        ],
+        "footprints": [
+            {
+                "id": footprint.id,
+                "outline_in_world": rounded(footprint.outline_in_world, 3),
+                "ground_m": footprint.ground_m,
+                "height_m": footprint.height_m,
+                "storeys": footprint.storeys,
+                "year": footprint.year,
+            }
+            for footprint in inputs.footprints
+        ],
+        "buildings": list(buildings),
+        "missing": [missing_record(row) for row in missing],
+        "unassigned": [
+            {
+                "panorama": plane.panorama_id,
+                "plane": plane.plane_index,
+                "nearest": plane.nearest,
+                "reason": plane.reason,
+            }
+            for plane in clusters.unassigned
+        ],
+        "notes": list(inputs.notes),
+    }
+    workspace.write_json(workspace.run_json, "run", payload)
+
+
+def simulate_run(
+    workspace: Workspace, epw: Path, say: Callable[[str], None] | None = None
+) -> SimulationResult:
+    """EnergyPlus on the run's model; ``simulation/result.json`` with the heating demand."""
+    if not workspace.model.exists():
+        raise InputError(
+            f"{workspace.root} holds no model.hbjson; run `si3fp street ... -o "
+            f"{workspace.root}` first."
+        )
+    result = simulate(workspace.model, epw, workspace.simulation, progress=say)
+    workspace.write_json(workspace.simulation_result, "simulation", result.as_dict())
+    return result
