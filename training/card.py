@@ -21,21 +21,24 @@ _TEMPLATE = """# Model card: {name} {version}
 Finds windows and balcony fences in orthographic facade pictures at 0.04 m/px.
 
 * **Input** `image` float32 (N, 3, H, W), RGB, 0..255, H and W multiples of 32.
-* **Output** `scores` (N, 2, H/4, W/4), window and balcony, 0..1; `distances` (N, 4, H/4, W/4): left,
-  top, right, bottom in input pixels from the cell centre (4 (column + 0.5), 4 (row + 0.5)), with
-  (0, 0) at the corner of the first pixel. The caller takes 3 x 3 maxima and suppresses at IoU 0.5.
+* **Output** `scores` (N, 2, H/4, W/4), window and balcony, 0..1; `distances` (N, 4, H/4, W/4):
+  left, top, right, bottom in input pixels from the cell centre (4 (column + 0.5), 4 (row + 0.5)),
+  with (0, 0) at the corner of the first pixel. The caller takes 3 x 3 maxima and suppresses
+  at IoU 0.5.
 * **Thresholds** window {window:.3f}, balcony {balcony:.3f}: the best F1 at IoU 0.5 on the upright
   validation sets (so the F1 below is a little optimistic).
-* Plain convolutions, {parameters:.2f} million parameters, ONNX opset {opset}, trained from scratch.
-  The export differs from torch by at most {score_error:.1e} in scores, {side_error:.1e} px in sides.
+* Plain convolutions, {parameters:.2f} million parameters, ONNX opset {opset}, trained from
+  scratch. The export differs from torch by at most {score_error:.1e} in scores and
+  {side_error:.1e} px in sides.
 
 ## Data and licences
 
-| data | licence | use |
-|---|---|---|
-| building-facade-segmentation, Lucerne University of Applied Sciences and Arts (HSLU) | CC BY 4.0 | `train` pictures for training, `val` for validation; polygons turned into boxes, balcony fences into `balcony` |
-| SPB facades | CC0 1.0 | 88 % for training, 12 % for validation |
-| CMP facade base (Tylecek and Sara 2013) | none stated | measured once at the end, never trained or tuned on |
+* **building-facade-segmentation**, Lucerne University of Applied Sciences and Arts (HSLU),
+  CC BY 4.0: 429 pictures for training, 65 for validation; changed: polygons turned into boxes,
+  balcony fences into `balcony`, pictures rectified and scaled.
+* **SPB facades**, CC0 1.0: 363 pictures for training, 49 for validation.
+* **CMP facade base** (Tylecek and Sara 2013), no licence stated: measured once at the end, never
+  trained or tuned on.
 
 The weights are published under Apache-2.0 with the attribution above.
 
@@ -49,9 +52,10 @@ Each row is at its own best threshold; at the recommended ones the values are a 
 
 **What these numbers are not.** Validation pictures are scaled by the *true* median window height
 (to 35 px), which a user's picture gets from its metres per pixel instead; an error of that scale
-costs more, see below. HSLU rectification uses the annotated polygons. HSLU has one run of night
-photographs and strong perspective; SPB leaves some windows unlabelled, so some of its "false"
-detections are windows. Validation chose the thresholds; it chose no setting of the training.
+costs more, see below. HSLU rectification uses the annotated polygons. Many HSLU pictures are
+taken at night and with strong perspective. SPB leaves some windows unlabelled, so some of its
+"false" detections are windows. Validation chose the thresholds and
+no setting of the training.
 {extra}
 ## Limits
 
@@ -73,9 +77,9 @@ Not for surveillance, and not for safety decisions.
 {cost}
 """
 _COST = (
-    "{minutes:.0f} minutes on two cores of an AMD EPYC processor, shared with other work, without a\n"
-    "graphics card: {steps} steps of 12 crops of 320 x 320 px. `training/README.md` has the command,\n"
-    "`training/log` the curves."
+    "{minutes:.0f} minutes on two cores of an AMD EPYC processor, shared with other work, without\n"
+    "a graphics card: {steps} steps of 12 crops of 320 x 320 px. `training/README.md` has the\n"
+    "command, `training/log` the curves."
 )
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from si3fp.config import StreetConfig
-from si3fp.errors import FacadeError
+from si3fp.errors import FacadeError, InputError
 from si3fp.model import Facade, Missing, OrthoImage
 from si3fp.records import (
     detections_record,
@@ -32,7 +32,6 @@ from si3fp.workspace import (
     safe_name,
     write_png,
 )
-
 
 WELL_SEEN = 0.95
 
@@ -72,7 +71,7 @@ def find_facade(
                     config.fusion,
                     config.measure,
                 )
-        except FacadeError as error:
+        except (FacadeError, InputError) as error:
             return Missing(name, step, str(error))
         with timed("write"):
             _write_facade(plan, registrations, photo, parsed, inputs, workspace, config)
