@@ -14,14 +14,9 @@ from si3fp.config import AlignConfig
 from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.rigid import Rigid3
 from si3fp.model import FacadeViews, OrthoImage, Panorama
-from si3fp.streetview.align import (
-    Registration,
-    _features,
-    _nearest,
-    motion_covariance,
-    register,
-    registered,
-)
+from si3fp.streetview.align import Registration, register, registered
+from si3fp.streetview.matching import features_of, nearest
+from si3fp.streetview.motion import motion_covariance
 
 CONFIG = AlignConfig()
 M_PER_PX = 0.05
@@ -216,7 +211,7 @@ def test_the_edge_of_the_seen_is_no_feature():
     seen = blobs > -0.03
     view = dataclasses.replace(moved_wall(painted_wall(10), np.eye(3), 0), valid=seen)
     view.rgb[~seen] = 0
-    points_m, _ = _features(view, GRID, CONFIG)
+    points_m, _ = features_of(view, GRID, CONFIG)
     columns, rows = np.floor(points_m / M_PER_PX + MIDDLE).astype(int).T
     gap_px = cv2.distanceTransform(seen.astype(np.uint8), cv2.DIST_C, 3)
     assert len(points_m) > 50
@@ -235,7 +230,7 @@ def test_features_are_where_their_blobs_are():
         square = np.sum((xy - (place_m / 0.02 + [225, 150])) ** 2, axis=-1)
         grey += 120 * np.exp(-square / (2 * 7.0**2))
     rgb = np.repeat(grey.astype(np.uint8)[..., None], 3, axis=-1)
-    points_m, _ = _features(OrthoImage("v", rgb, np.ones(grey.shape, np.bool_)), grid, CONFIG)
+    points_m, _ = features_of(OrthoImage("v", rgb, np.ones(grey.shape, np.bool_)), grid, CONFIG)
     gaps = points_m[None] - places_m[:, None]
     nearest = gaps[np.arange(35), np.linalg.norm(gaps, axis=-1).argmin(axis=1)]
     # Half a pixel of the 0.05 m that they are found on would be 0.025 m.
@@ -431,7 +426,7 @@ def test_neighbours_are_those_of_a_search_through_all():
         for d in (rng.random((300, 128)), rng.random((260, 128)))
     )
     reach_m = 0.7
-    best, best_back, top, second = _nearest(points, ours, others, theirs, reach_m)
+    best, best_back, top, second = nearest(points, ours, others, theirs, reach_m)
     all_pairs = np.where(
         (np.abs(points[:, None] - others[None]) <= reach_m).all(axis=-1), ours @ theirs.T, -1.0
     )

@@ -14,13 +14,12 @@ import time
 from pathlib import Path
 
 import cv2
+from tests.scenes import make_street, write_street
 
 WIDTH_PX, HEIGHT_PX = 16384, 8192
 
 
 def main() -> None:
-    from tests.scenes import make_street, write_street
-
     with tempfile.TemporaryDirectory() as name:
         street = Path(name) / "street"
         write_street(make_street(5, "tiny"), street)

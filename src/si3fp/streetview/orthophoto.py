@@ -13,8 +13,9 @@ from si3fp.errors import FacadeError
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import FacadeViews, OrthoImage, Panorama
 from si3fp.ortho import view_weight
-from si3fp.streetview.align import Registration, motion_covariance, register, registered
+from si3fp.streetview.align import Registration, register, registered
 from si3fp.streetview.facade_box import FacadeBox, PriorBox, find_facade_box
+from si3fp.streetview.motion import motion_covariance
 from si3fp.streetview.views import ViewPlan, moved_to
 
 
