@@ -51,8 +51,8 @@ The weights are published under Apache-2.0 with the attribution above.
 Each row is at its own best threshold; at the recommended ones the values are a little lower.
 
 **What these numbers are not.** Validation pictures are scaled by the *true* median window height
-(to 35 px), which a user's picture gets from its metres per pixel instead; an error of that scale
-costs more, see below. HSLU rectification uses the annotated polygons. Many HSLU pictures are
+(to 35 px), which a user's picture gets from its metres per pixel instead; see below for
+wrong scales. HSLU rectification uses the annotated polygons. Many HSLU pictures are
 taken at night and with strong perspective. SPB leaves some windows unlabelled, so some of its
 "false" detections are windows. Validation chose the thresholds and
 no setting of the training.
