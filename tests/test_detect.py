@@ -107,9 +107,9 @@ def test_suppression_keeps_the_best_of_each_label():
 def test_shipped_weights_match_their_card_and_say_where_they_come_from():
     detector = OnnxDetector()
     assert detector.labels[0] == "window"
-    assert 0 < detector.score_threshold < 1
+    assert 0 < detector.thresholds["window"] < 1
     blank = ortho(np.full((120, 130, 3), 128, np.uint8))
-    assert not (detector.detect(blank, 0.04).scores > detector.score_threshold).any()
+    assert not (detector.detect(blank, 0.04).scores > detector.thresholds["window"]).any()
 
 
 def test_damaged_weights_are_refused(tmp_path):

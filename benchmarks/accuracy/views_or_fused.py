@@ -141,7 +141,7 @@ def main() -> None:
     truths = [truth_of(Path(word)) for word in sys.argv[2::2]]
     parsed = [list(facades_of(run)) for run in runs]
     origins = [GeoOrigin(**read_json(Workspace(run).run_json)["origin"]) for run in runs]
-    threshold = OnnxDetector().score_threshold
+    threshold = OnnxDetector().thresholds["window"]
     results: dict[tuple[str, bool], list[Evaluation]] = {}
     for way in WAYS:
         for refine in (False, True):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any, Protocol
@@ -34,8 +34,8 @@ class WindowDetector(Protocol):
     """Anything that finds windows on an orthographic image of known scale."""
 
     @property
-    def score_threshold(self) -> float:
-        """Recommended threshold where one image stands alone."""
+    def thresholds(self) -> Mapping[str, float]:
+        """Recommended score by label where one image stands alone."""
         ...
 
     def detect(self, image: OrthoImage, m_per_px: float) -> Detections:
@@ -80,7 +80,7 @@ class OnnxDetector:
         self.name = f"{described['name']} {described['version']}"
         self.m_per_px = float(described["m_per_px"])
         self.labels: tuple[str, ...] = tuple(described["labels"])
-        self._threshold = float(described["score_threshold"])
+        self._thresholds = {name: float(v) for name, v in described["score_thresholds"].items()}
         options = onnxruntime.SessionOptions()
         options.log_severity_level = 3
         self._session = onnxruntime.InferenceSession(
@@ -88,9 +88,9 @@ class OnnxDetector:
         )
 
     @property
-    def score_threshold(self) -> float:
-        """Recommended threshold where one image stands alone."""
-        return self._threshold
+    def thresholds(self) -> Mapping[str, float]:
+        """Recommended score by label where one image stands alone."""
+        return self._thresholds
 
     def detect(self, image: OrthoImage, m_per_px: float) -> Detections:
         """Boxes in pixels of the image, scores from `LOWEST_SCORE` upwards, labels.

@@ -62,10 +62,11 @@ def parse_facade(
     per_view = {view.source: detector.detect(view, grid.m_per_px) for view in best}
     on_fused = detector.detect(fused, grid.m_per_px)
     agreed = fuse_views({name: of_label(found) for name, found in per_view.items()}, fusion)
-    together = combine(agreed, of_label(on_fused), views.views, detector.score_threshold, fusion)
+    threshold = detector.thresholds["window"]
+    together = combine(agreed, of_label(on_fused), views.views, threshold, fusion)
     refined = refine_boxes(together, fused, grid.m_per_px, measure)
     balconies = of_label(on_fused, "balcony")
-    balconies = balconies.select(balconies.scores >= detector.score_threshold)
+    balconies = balconies.select(balconies.scores >= detector.thresholds["balcony"])
     recesses = None
     if measure.measure_recess:
         recesses = estimate_recess(
