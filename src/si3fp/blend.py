@@ -26,7 +26,11 @@ BAND_ROWS = 64
 SAMPLES_FOR_GAIN = 4000
 
 
-def blend(views: Sequence[OrthoImage], weights: Sequence[NDArray[np.float32]]) -> OrthoImage:
+def blend(
+    views: Sequence[OrthoImage],
+    weights: Sequence[NDArray[np.float32]],
+    gains: FloatArray | None = None,
+) -> OrthoImage:
     """The fused orthophoto of registered views, ``seen_by`` included.
 
     Parameters
@@ -35,6 +39,8 @@ def blend(views: Sequence[OrthoImage], weights: Sequence[NDArray[np.float32]]) -
         Views of one size, registered.
     weights
         (H, W) per view: resolution on the wall, any unit (see `si3fp.ortho.view_weight`).
+    gains
+        `exposure_gains` of a larger picture that these views are parts of; by default their own.
 
     Returns
     -------
@@ -48,7 +54,8 @@ def blend(views: Sequence[OrthoImage], weights: Sequence[NDArray[np.float32]]) -
     if not views:
         raise FacadeError("No view of the facade is left to blend.")
     height, width = views[0].valid.shape
-    gains = _gains(views)
+    if gains is None:
+        gains = exposure_gains(views)
     rgb = np.zeros((height, width, 3), np.uint8)
     seen_by = np.zeros((height, width), np.uint8)
     for top in range(0, height, BAND_ROWS):
@@ -88,7 +95,7 @@ def _median(colours: NDArray[np.float32], valid: NDArray[np.bool_]) -> NDArray[n
     return np.where((count > 0)[..., None], middle, np.float32(0))
 
 
-def _gains(views: Sequence[OrthoImage]) -> FloatArray:
+def exposure_gains(views: Sequence[OrthoImage]) -> FloatArray:
     """Factor (N, 3) per view and channel that brings the views to one exposure.
 
     Log gains that explain the median ratios of all overlapping pairs, with mean zero.

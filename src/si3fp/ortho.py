@@ -253,16 +253,21 @@ def _axis_gaps(grid: FacadeGrid, camera: FloatArray) -> tuple[FloatArray, FloatA
 
 
 def view_weight(panorama: Panorama, grid: FacadeGrid) -> NDArray[np.float32]:
-    """(H, W) resolution on the wall relative to the grid, squared: pixels per grid pixel.
-
-    A pixel at distance d and viewing angle a to the normal shows ``cos(a) / d**2`` of solid angle
-    per square metre; obliqueness and distance both lower it.
-    """
+    """(H, W) `wall_resolution` of a panorama at every pixel of a grid."""
     camera = grid.world_from_facade.inverse().apply(panorama.centre_in_world)
     x, y = _axis_gaps(grid, camera)
-    square = x[None, :] ** 2 + y[:, None] ** 2 + camera[2] ** 2
-    weight: NDArray[np.float32] = (max(camera[2], 0.0) / square**1.5).astype(np.float32)
-    return weight
+    return wall_resolution(x[None, :], y[:, None], float(camera[2])).astype(np.float32)
+
+
+def wall_resolution(across_m: FloatArray, up_m: FloatArray, distance_m: float) -> FloatArray:
+    """Solid angle per square metre of wall at places ``across_m, up_m`` from a camera's foot.
+
+    At range d and viewing angle a to the normal it is ``cos(a) / d**2``: the pixels of a source
+    that show a square metre, squared resolution. 0 for cameras behind the wall.
+    """
+    square = across_m**2 + up_m**2 + distance_m**2
+    density: FloatArray = max(distance_m, 0.0) / square**1.5
+    return density
 
 
 def pose_sigma_m(

@@ -12,14 +12,18 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from si3fp.blend import SHARPNESS_POWER
 from si3fp.config import MeasureConfig
 from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Detections, Window, WindowLabel
+from si3fp.ortho import wall_resolution
 from si3fp.windows.fuse import FusedDetections
 from si3fp.windows.recess import RecessEstimate
 
 BALCONY_DOOR_HEIGHT_M = 1.8
+MIN_DISTANCE_M = 0.5
+"""Cameras nearer to the wall plane tell nothing about it."""
 OUTWARD = np.array([-1.0, 1.0, -1.0, 1.0])
 """Sign of an outward move of the left, right, bottom and top edge."""
 
@@ -65,8 +69,7 @@ def measure_windows(
             continue
         if edges_m[2] < config.door_sill_m and height_m > config.door_height_m:
             continue  # it stands on the ground: an entrance, a gate, an arcade
-        cameras = [cameras_in_facade[view] for view in views if view in cameras_in_facade]
-        lever = recess_lever(edges_m, cameras)
+        lever = recess_lever(edges_m, list(cameras_in_facade.values()))
         sigma_m = np.hypot(
             np.maximum(spread_px[[0, 2, 3, 1]] / np.sqrt(max(len(views), 1)), 0.5) * grid.m_per_px,
             lever * (config.recess_sigma_m if recess.recess_m is None else recess.sigma_m),
@@ -103,18 +106,23 @@ def edges_from_box(box_px: FloatArray, grid: FacadeGrid) -> FloatArray:
 
 
 def recess_lever(edges_m: FloatArray, cameras_in_facade: Sequence[FloatArray]) -> FloatArray:
-    """How far each edge (4,) appears moved inwards per metre of recess, mean over the cameras.
+    """How far each edge (4,) appears moved inwards per metre of recess on the fused image.
 
     A camera that looks at an edge from inside the opening's span sees it through the opening,
     at ``gap / distance`` per metre of recess; from beyond the edge the reveal hides the glass and
-    the edge is that of the wall.
+    the edge is that of the wall. The cameras weigh as in the blend (`si3fp.blend`).
     """
-    if not len(cameras_in_facade):
+    cameras = [camera for camera in cameras_in_facade if camera[2] > MIN_DISTANCE_M]
+    if not cameras:
         return np.zeros(4)
-    cameras = np.asarray(cameras_in_facade, dtype=np.float64)
-    place = cameras[:, [0, 0, 1, 1]]
-    gap = np.clip(OUTWARD * (edges_m - place), 0, None)
-    lever: FloatArray = (gap / np.maximum(cameras[:, 2:3], 0.5)).mean(axis=0)
+    middle = np.array([edges_m[:2].mean(), edges_m[2:].mean()])
+    levers, weights = [], []
+    for camera in cameras:
+        gap = np.clip(OUTWARD * (edges_m - camera[[0, 0, 1, 1]]), 0, None)
+        levers.append(gap / camera[2])
+        across, up = middle - camera[:2]
+        weights.append(float(wall_resolution(across, up, float(camera[2]))) ** SHARPNESS_POWER)
+    lever: FloatArray = np.average(levers, axis=0, weights=weights)
     return lever
 
 

@@ -1,8 +1,7 @@
 """M.1: how far the glass lies behind the wall, by the parallax between registered views.
 
-On the wall plane, a point of the glass appears in every view at another place: at depth ``r``
-behind the plane, the point ``s`` is seen by a camera with foot ``c`` and distance ``z`` at
-``(s z + r c) / (z + r)``. Undone for the right depth, the views of a window agree. The same is
+On the wall plane, a point of the glass appears in every view at another place
+(`si3fp.windows.parallax`). Undone for the right depth, the views of a window agree. The same is
 asked of the wall around the window, because registration leaves the wall's views a little apart,
 as if it stood at another depth: the recess is the difference of the two depths.
 
@@ -23,6 +22,7 @@ from numpy.typing import NDArray
 from si3fp.config import MeasureConfig
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import OrthoImage
+from si3fp.windows.parallax import patch_warp, seen_from
 
 FloatImage = NDArray[np.float32]
 
@@ -31,9 +31,11 @@ WALL_DEPTHS_M = np.arange(-0.36, 0.361, 0.04)
 GLASS_DEPTHS_M = np.arange(-0.10, 0.601, 0.04)
 """Where the glass is sought, behind the wall around it."""
 RING_M = 0.36
-"""Width of the wall looked at around a window."""
+"""How far around a window its wall is looked at."""
 BORDER_M = 0.04
-"""Left out on both sides of an opening's border: its reveal."""
+"""Left out inside an opening's border: its reveal."""
+SURROUND_M = 0.12
+"""Left out outside of it: a surround's moulding, which slopes inwards."""
 MIN_OVERLAP = 0.3
 """Share of the window that both views of a pair must see."""
 SIGMA_PER_WIDTH = 0.2
@@ -203,50 +205,44 @@ def _that_see(
 
 def _wall_curve(box: FloatArray, views: Sequence[_View], step_m: float) -> FloatArray:
     """Agreement of the views on the wall around a box at every depth of `WALL_DEPTHS_M`."""
-    ring, border = RING_M / step_m, BORDER_M / step_m
-    area = box + np.array([-1, -1, 1, 1]) * ring
-    hole = box + np.array([-1, -1, 1, 1]) * border
-    return np.array(
-        [_agreement(views, area, hole, depth / step_m, keep_hole=False) for depth in WALL_DEPTHS_M]
-    )
+    outward = np.array([-1, -1, 1, 1]) / step_m
+    area, hole = box + RING_M * outward, box + SURROUND_M * outward
+    depths = WALL_DEPTHS_M / step_m
+    return np.array([_agreement(views, area, hole, depth, in_hole=False) for depth in depths])
 
 
 def _glass_curve(
     box: FloatArray, views: Sequence[_View], step_m: float, wall_m: float
 ) -> FloatArray:
     """Agreement of the views inside a box at every depth of `GLASS_DEPTHS_M` behind the wall."""
-    opening = box - np.array([-1, -1, 1, 1]) * BORDER_M / step_m
-    return np.array(
-        [
-            _agreement(views, box, opening, (wall_m + depth) / step_m, keep_hole=True)
-            for depth in GLASS_DEPTHS_M
-        ]
-    )
+    hole = box + BORDER_M / step_m * np.array([1, 1, -1, -1])
+    depths = (wall_m + GLASS_DEPTHS_M) / step_m
+    return np.array([_agreement(views, box, hole, depth, in_hole=True) for depth in depths])
 
 
 def _agreement(
-    views: Sequence[_View], area: FloatArray, hole: FloatArray, depth_px: float, *, keep_hole: bool
+    views: Sequence[_View], area: FloatArray, hole: FloatArray, depth_px: float, *, in_hole: bool
 ) -> float:
     """Mean correlation of all pairs of views of an area at one depth; NaN without pairs.
 
-    ``hole`` is the opening in the wall as every view shows it; a view counts only where its line
-    of sight passes through it (``keep_hole``) or misses it.
+    ``hole`` is the opening in the wall. A view counts only where its line of sight passes through
+    it (``in_hole``) or misses it.
     """
+    if not views:
+        return float("nan")
     left, top = np.floor(area[:2]).astype(int)
     width, height = np.ceil(area[2:]).astype(int) - [left, top]
     patches = np.zeros((len(views), height, width, 2), np.float32)
-    masks = np.zeros((len(views), height, width), np.float32)
+    masks = np.full((len(views), height, width), not in_hole, np.float32)
     for patch, mask, view in zip(patches, masks, views, strict=True):
-        shrink, shift = _seen_from(view, depth_px)
-        x, y = shrink * np.array([left + 0.5, top + 0.5]) + shift - 0.5
-        warp = np.array([[shrink, 0.0, x], [0.0, shrink, y]])
+        shrink, shift = seen_from(view.foot_px, view.distance_px, depth_px)
+        warp = patch_warp(shrink, shift, (left, top))
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         cv2.warpAffine(view.gradients, warp, (int(width), int(height)), patch, flags)
-        # The opening, carried from the view onto the plane at this depth.
-        x0, y0 = np.round((hole[:2] - shift) / shrink - [left, top]).astype(int).clip(0)
-        x1, y1 = np.round((hole[2:] - shift) / shrink - [left, top]).astype(int).clip(0)
-        mask[...] = 0.0 if keep_hole else 1.0
-        mask[y0:y1, x0:x1] = 1.0 if keep_hole else 0.0
+        # The opening, carried along the lines of sight onto the plane at this depth.
+        through = (hole - np.tile(shift, 2)) / shrink
+        x0, y0, x1, y1 = np.round(through - [left, top, left, top]).astype(int).clip(0)
+        mask[y0:y1, x0:x1] = in_hole
     masks *= np.any(patches, axis=3)
     patches *= masks[..., None]
     count = len(views)
@@ -257,12 +253,6 @@ def _agreement(
     pairs = np.triu_indices(count, 1)
     usable = overlap[pairs] > MIN_OVERLAP * seen.sum(axis=1).max(initial=1.0)
     return float(correlation[pairs][usable].mean()) if usable.any() else float("nan")
-
-
-def _seen_from(view: _View, depth_px: float) -> tuple[float, FloatArray]:
-    """Factor and shift (2,) from a place at a depth behind the wall to where the view shows it."""
-    whole = view.distance_px + depth_px
-    return view.distance_px / whole, depth_px / whole * view.foot_px
 
 
 def _peak(depths_m: FloatArray, curve: FloatArray, config: MeasureConfig) -> _Peak | None:

@@ -1,0 +1,37 @@
+"""Where a view on the wall plane shows what lies behind the wall.
+
+At depth ``r`` behind the plane, the point ``s`` is seen by a camera with foot ``c`` and distance
+``z`` at ``(s z + r c) / (z + r)``, on each axis of the wall: a scaling and a shift.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from si3fp.geometry.rigid import FloatArray
+
+
+def seen_from(foot_px: FloatArray, distance_px: float, depth_px: float) -> tuple[float, FloatArray]:
+    """Factor and shift (2,) from a place on a plane behind the wall to where a view shows it.
+
+    Parameters
+    ----------
+    foot_px
+        Foot (2,) of the camera on the wall, in pixels of the view.
+    distance_px
+        Distance of the camera to the wall, in the same pixels.
+    depth_px
+        Depth of the plane behind the wall, in the same pixels.
+    """
+    whole = distance_px + depth_px
+    return distance_px / whole, depth_px / whole * foot_px
+
+
+def patch_warp(shrink: float, shift: FloatArray, corner_px: tuple[int, int]) -> FloatArray:
+    """(2, 3) matrix for `cv2.warpAffine` with ``WARP_INVERSE_MAP``: a patch of that plane.
+
+    ``corner_px`` is the upper left corner of the patch on the grid.
+    """
+    # cv2 counts from the centre of the first pixel.
+    x, y = shrink * (np.array(corner_px) + 0.5) + shift - 0.5
+    return np.array([[shrink, 0.0, x], [0.0, shrink, y]])
