@@ -108,7 +108,7 @@ def _write_facade(
     }
     for view in photo.views.views:
         write_png(workspace.facade(name, f"views/{safe_name(view.source)}.png"), _rgba(view))
-    write_png(workspace.facade(name, "ortho.png"), _rgba(photo.fused))
+    write_png(workspace.facade(name, "ortho.png"), _rgba(parsed.picture))
     seen_by = photo.fused.seen_by
     if seen_by is not None:
         write_png(workspace.facade(name, "coverage.png"), seen_by)

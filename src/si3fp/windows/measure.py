@@ -19,7 +19,7 @@ from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Detections, Window, WindowLabel
 from si3fp.ortho import wall_resolution
 from si3fp.windows.fuse import FusedDetections
-from si3fp.windows.recess import RecessEstimate
+from si3fp.windows.recess import UNKNOWN_RECESS, RecessEstimate
 
 BALCONY_DOOR_HEIGHT_M = 1.8
 MIN_DISTANCE_M = 0.5
@@ -54,13 +54,12 @@ def measure_windows(
         Recess of every window by parallax; where it is not known, the assumed one is corrected.
     """
     windows = []
-    unknown = RecessEstimate(None, 0.0, 0.0, 0)
     for box_px, score, views, spread_px, recess in zip(
         fused.detections.boxes_px,
         fused.detections.scores,
         fused.views,
         fused.spread_px,
-        [unknown] * len(fused.views) if recesses is None else recesses,
+        [UNKNOWN_RECESS] * len(fused.views) if recesses is None else recesses,
         strict=True,
     ):
         edges_m = edges_from_box(box_px, grid)
@@ -74,10 +73,7 @@ def measure_windows(
             np.maximum(spread_px[[0, 2, 3, 1]] / np.sqrt(max(len(views), 1)), 0.5) * grid.m_per_px,
             lever * (config.recess_sigma_m if recess.recess_m is None else recess.sigma_m),
         )
-        correction_m = np.zeros(4)
-        if config.correct_recess:
-            depth_m = config.assumed_recess_m if recess.recess_m is None else recess.recess_m
-            correction_m = OUTWARD * lever * max(depth_m, 0.0)
+        correction_m = recess_correction(lever, recess, config)
         left, right, bottom, top = np.clip(
             edges_m + correction_m, 0, [grid.width_m, grid.width_m, grid.height_m, grid.height_m]
         )
@@ -105,6 +101,21 @@ def edges_from_box(box_px: FloatArray, grid: FacadeGrid) -> FloatArray:
     return np.array([corners[0, 0], corners[1, 0], corners[0, 1], corners[1, 1]])
 
 
+def opening_box(
+    box_px: FloatArray,
+    grid: FacadeGrid,
+    cameras_in_facade: Mapping[str, FloatArray],
+    recess: RecessEstimate,
+    config: MeasureConfig,
+) -> FloatArray:
+    """The pixel box (4,) of an opening as it is, from the box on the fused image."""
+    edges_m = edges_from_box(box_px, grid)
+    lever = recess_lever(edges_m, list(cameras_in_facade.values()))
+    left, right, bottom, top = edges_m + recess_correction(lever, recess, config)
+    corners: FloatArray = grid.pixels_from_facade([[left, top], [right, bottom]])
+    return corners.reshape(4)
+
+
 def recess_lever(edges_m: FloatArray, cameras_in_facade: Sequence[FloatArray]) -> FloatArray:
     """How far each edge (4,) appears moved inwards per metre of recess on the fused image.
 
@@ -124,6 +135,17 @@ def recess_lever(edges_m: FloatArray, cameras_in_facade: Sequence[FloatArray]) -
         weights.append(float(wall_resolution(across, up, float(camera[2]))) ** SHARPNESS_POWER)
     lever: FloatArray = np.average(levers, axis=0, weights=weights)
     return lever
+
+
+def recess_correction(
+    lever: FloatArray, recess: RecessEstimate, config: MeasureConfig
+) -> FloatArray:
+    """What to add to left, right, bottom and top (4,) in metres; 0 where switched off."""
+    if not config.correct_recess:
+        return np.zeros(4)
+    depth_m = config.assumed_recess_m if recess.recess_m is None else recess.recess_m
+    correction: FloatArray = OUTWARD * lever * max(depth_m, 0.0)
+    return correction
 
 
 def _label(box_px: FloatArray, balconies: Detections, grid: FacadeGrid) -> WindowLabel:

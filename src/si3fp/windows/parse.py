@@ -12,9 +12,10 @@ from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Detections, FacadeViews, OrthoImage, Window
 from si3fp.windows.detect import WindowDetector
 from si3fp.windows.fuse import combine, fuse_views
-from si3fp.windows.measure import measure_windows
-from si3fp.windows.recess import estimate_recess
+from si3fp.windows.measure import measure_windows, opening_box
+from si3fp.windows.recess import UNKNOWN_RECESS, estimate_recess
 from si3fp.windows.refine import refine_boxes
+from si3fp.windows.sharpen import sharpen_windows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,11 +30,15 @@ class ParsedFacade:
         Detections by view id.
     on_fused
         Detections on the fused image.
+    picture
+        The fused image with the windows of known recess on the plane of their glass; detections
+        and edges come from the fused image itself (docs/decisions/0008-recess.md).
     """
 
     windows: tuple[Window, ...]
     per_view: Mapping[str, Detections]
     on_fused: Detections
+    picture: OrthoImage
 
 
 def parse_facade(
@@ -67,13 +72,17 @@ def parse_facade(
     refined = refine_boxes(together, fused, grid.m_per_px, measure)
     balconies = of_label(on_fused, "balcony")
     balconies = balconies.select(balconies.scores >= detector.thresholds["balcony"])
-    recesses = None
+    boxes = refined.detections.boxes_px
+    recesses = (UNKNOWN_RECESS,) * len(boxes)
     if measure.measure_recess:
-        recesses = estimate_recess(
-            refined.detections.boxes_px, views.views, cameras_in_facade, grid.m_per_px, measure
-        )
+        recesses = estimate_recess(boxes, views.views, cameras_in_facade, grid.m_per_px, measure)
     windows = measure_windows(refined, balconies, grid, cameras_in_facade, measure, recesses)
-    return ParsedFacade(windows, per_view, on_fused)
+    openings = [
+        opening_box(box, grid, cameras_in_facade, recess, measure)
+        for box, recess in zip(boxes, recesses, strict=True)
+    ]
+    picture = sharpen_windows(fused, views.views, openings, recesses, cameras_in_facade, grid)
+    return ParsedFacade(windows, per_view, on_fused, picture)
 
 
 def of_label(detections: Detections, label: str = "window") -> Detections:

@@ -66,6 +66,9 @@ class RecessEstimate:
     views: int
 
 
+UNKNOWN_RECESS = RecessEstimate(None, 0.0, 0.0, 0)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _View:
     """A view prepared for comparison.
@@ -122,7 +125,7 @@ def estimate_recess(
     boxes = np.asarray(boxes_px, np.float64).reshape(-1, 4)
     chosen = _widest([v for v in views if v.source in cameras_in_facade], cameras_in_facade, config)
     if not len(boxes) or len(chosen) < config.recess_min_views:
-        return (RecessEstimate(None, 0.0, 0.0, len(chosen)),) * len(boxes)
+        return (UNKNOWN_RECESS,) * len(boxes)
     scale = min(1.0, m_per_px / config.recess_m_per_px)
     prepared = [_prepare(v, cameras_in_facade[v.source], m_per_px, scale) for v in chosen]
     step_m = m_per_px / scale

@@ -15,7 +15,7 @@ import numpy as np
 from si3fp.blend import blend, exposure_gains
 from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.rigid import FloatArray
-from si3fp.model import OrthoImage
+from si3fp.model import Image, OrthoImage
 from si3fp.ortho import wall_resolution
 from si3fp.windows.parallax import patch_warp, seen_from
 from si3fp.windows.recess import RecessEstimate
@@ -24,6 +24,12 @@ REVEAL_PX = 1.5
 """Left out inside an opening's border, where a view mixes it with the wall."""
 MIN_SHARE = 0.34
 """A place that a smaller share of the views sees stays as it is on the wall plane."""
+SPREAD_PX = 9
+"""Size of the neighbourhood in which the agreement of the views is compared."""
+MAX_SPREAD = 40.0
+"""Grey levels: a view farther off counts as this."""
+GLASS_FIRST = 1.3
+"""The views may lie this much farther apart on the glass than on the wall, which reflections do."""
 FEATHER_PX = 1.0
 """Standard deviation of the soft border between the two pictures."""
 
@@ -31,7 +37,7 @@ FEATHER_PX = 1.0
 def sharpen_windows(
     fused: OrthoImage,
     views: Sequence[OrthoImage],
-    boxes_px: FloatArray,
+    boxes_px: Sequence[FloatArray] | FloatArray,
     recesses: Sequence[RecessEstimate],
     cameras_in_facade: Mapping[str, FloatArray],
     grid: FacadeGrid,
@@ -59,7 +65,7 @@ def sharpen_windows(
     gains = exposure_gains(known)
     rgb = fused.rgb.copy()
     limit = np.array([grid.width_px, grid.height_px])
-    for box, recess in zip(np.asarray(boxes_px, np.float64), recesses, strict=True):
+    for box, recess in zip(boxes_px, recesses, strict=True):
         if recess.recess_m is None:
             continue
         left, top = np.clip(np.floor(box[:2]).astype(int), 0, limit)
@@ -74,12 +80,12 @@ def sharpen_windows(
             parts.append(_glass_part(view, box, area, camera, depth_px, grid))
             weights.append(_weight(area, camera, grid))
         inside = blend(parts, weights, gains)
-        seen_by = np.sum([part.valid for part in parts], axis=0)
-        enough = (seen_by >= max(1.0, MIN_SHARE * seen_by.max())).astype(np.float32)
-        # Nothing beyond the box is touched, so the feather lies within it.
-        enough[[0, -1]], enough[:, [0, -1]] = 0.0, 0.0
-        share = cv2.GaussianBlur(enough, (0, 0), FEATHER_PX)[..., None] * enough[..., None]
         old = rgb[top:bottom, left:right]
+        wall = [
+            OrthoImage(v.source, v.rgb[top:bottom, left:right], v.valid[top:bottom, left:right])
+            for v in known
+        ]
+        share = _share(_spread(parts, inside.rgb, gains), _spread(wall, old, gains), parts)
         mixed = share * inside.rgb + (1 - share) * old
         rgb[top:bottom, left:right] = np.round(mixed).astype(np.uint8)
     return OrthoImage(fused.source, rgb, fused.valid, fused.depth_m, fused.seen_by)
@@ -110,6 +116,30 @@ def _glass_part(
     if camera[2] <= 0:
         valid[...] = False
     return OrthoImage(view.source, np.asarray(rgb, np.uint8), valid)
+
+
+def _spread(parts: Sequence[OrthoImage], middle: Image, gains: FloatArray) -> FloatArray:
+    """(h, w) how far the views lie off their blend around every pixel, grey levels."""
+    total, count = np.zeros(middle.shape[:2]), np.zeros(middle.shape[:2])
+    for part, gain in zip(parts, gains, strict=True):
+        off = np.minimum(np.abs(part.rgb * gain - middle).max(axis=2), MAX_SPREAD)
+        total += off * part.valid
+        count += part.valid
+    size = (SPREAD_PX, SPREAD_PX)
+    return np.asarray(cv2.blur(total, size) / np.maximum(cv2.blur(count, size), 1e-6), np.float64)
+
+
+def _share(glass: FloatArray, wall: FloatArray, parts: Sequence[OrthoImage]) -> FloatArray:
+    """(h, w, 1) share of the picture on the glass plane: where the views agree better on it."""
+    better = 1 / (1 + (glass / np.maximum(GLASS_FIRST * wall, 1e-6)) ** 8)
+    seen_by = np.sum([part.valid for part in parts], axis=0)
+    enough = (seen_by >= max(1.0, MIN_SHARE * seen_by.max())).astype(np.float64)
+    enough[[0, -1]] = enough[:, [0, -1]] = 0.0
+    # Eroded first, so that the feather ends where the views end.
+    core = cv2.erode(enough, np.ones((3, 3)), borderValue=0)
+    feather = cv2.GaussianBlur(core, (0, 0), FEATHER_PX) * enough
+    share: FloatArray = (better * feather)[..., None]
+    return share
 
 
 def _weight(
