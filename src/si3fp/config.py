@@ -126,7 +126,7 @@ class MeasureConfig:
     recess_max_views: int = 10  # decision: those with the widest spread of directions
     recess_min_views: int = 3  # decision: two cannot outvote a reflection
     recess_min_spread: float = 0.3  # decision: baseline over distance at the window
-    recess_min_peak: float = 0.04  # decision: rise of the correlation above its low tenth
+    recess_min_peak: float = 0.08  # decision: rise of the correlation above its low tenth
     recess_max_width_m: float = 0.20  # decision: half width of a peak; blunter ones tell nothing
     recess_floor_m: float = 0.02  # decision: systematic error of a measured recess
     door_sill_m: float = 0.4  # decision: what starts below this above the ground
