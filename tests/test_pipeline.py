@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from tests.scenes import make_street, write_street
 
 from si3fp import steps
+from si3fp.config import StreetConfig
 from si3fp.errors import FacadeError, InputError, ReconstructionError
 from si3fp.pipeline import run_street
 from si3fp.report.map_layer import write_map_layer
@@ -104,15 +106,31 @@ def test_finished_steps_are_not_done_again(street, first, tmp_path, monkeypatch)
 def test_a_folder_of_another_run_is_not_touched(street, first, tmp_path):
     out = tmp_path / "RUN"
     shutil.copytree(first.workspace.root, out)
-    from dataclasses import replace
-
-    from si3fp.config import StreetConfig
-
     other = replace(StreetConfig(), seed=1)
     with pytest.raises(InputError, match=r"another folder with -o, or .*--overwrite"):
         go(street, out, config=other)
     assert files_of(out) == files_of(first.workspace.root)
     go(street, out, config=other, overwrite=True)
+
+
+def test_other_columns_are_another_run(street, first, tmp_path):
+    out = tmp_path / "RUN"
+    shutil.copytree(first.workspace.root, out)
+    with pytest.raises(InputError, match="holds a run of other inputs"):
+        go(street, out, columns={"height_m": "ground_m"})
+
+
+def test_lists_of_the_same_name_are_told_apart(street, tmp_path):
+    cameras, houses = tmp_path / "cameras", tmp_path / "houses"
+    shutil.copytree(street, cameras)
+    houses.mkdir()
+    shutil.copy(street / "footprints.geojson", houses / "map.geojson")
+    (cameras / "panoramas.geojson").rename(cameras / "map.geojson")
+    lists = cameras / "map.geojson", houses / "map.geojson"
+    before = steps.collect(*lists, StreetConfig())
+    lists[0].write_text(lists[0].read_text() + "\n")
+    after = steps.collect(*lists, StreetConfig())
+    assert after.hashes != before.hashes
 
 
 def test_overwrite_keeps_files_that_are_not_of_a_run(street, tmp_path):

@@ -40,9 +40,11 @@ class StreetInputs:
     by_building
         Ids of the panoramas to use for every building.
     hashes
-        SHA-256 of every input file by name, ``<id> image`` and ``<id> plane map``.
+        SHA-256 of every input file by name and kind, ``<id> image`` and ``<id> plane map``.
     notes
         What the filters did.
+    columns
+        Other spellings of the footprints' properties, under which they were read.
     """
 
     origin: GeoOrigin
@@ -52,6 +54,7 @@ class StreetInputs:
     by_building: Mapping[str, frozenset[str]]
     hashes: Mapping[str, str]
     notes: tuple[str, ...]
+    columns: Mapping[str, str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,8 +91,9 @@ def collect(
     buildings = tuple(footprints_in_world(outlines, origin))
     selection = select_panoramas(records, buildings, origin, config.collect)
     chosen = selection.records
-    files = {panoramas.name: panoramas} if panoramas.is_file() else {}
-    files |= {footprints.name: footprints} if footprints else {}
+    # Both lists may have one file name; a folder of panoramas is known by its images.
+    files = {f"{panoramas.name} (panoramas)": panoramas} if panoramas.is_file() else {}
+    files |= {f"{footprints.name} (footprints)": footprints} if footprints else {}
     for record in chosen:
         files[f"{record.id} image"] = record.image
         if record.plane_map:
@@ -102,6 +106,7 @@ def collect(
         selection.by_building,
         {name: sha256_of(file) for name, file in sorted(files.items())},
         (*notes, *selection.notes),
+        dict(columns or {}),
     )
 
 
@@ -132,4 +137,6 @@ def claim(workspace: Workspace, key: str, overwrite: bool) -> None:
 
 def run_key(inputs: StreetInputs, config: StreetConfig, detector_sha256: str, version: str) -> str:
     """Names a run: the same key means the same results."""
-    return key_of(dict(inputs.hashes), config.as_dict(), detector_sha256, version)
+    return key_of(
+        dict(inputs.hashes), dict(inputs.columns), config.as_dict(), detector_sha256, version
+    )
