@@ -125,8 +125,8 @@ def test_reflections_that_no_two_views_share_are_outvoted():
 
 def test_the_recess_counts_from_the_wall_as_the_views_show_it():
     for estimate in estimated(render(0.2, CAMERAS, wall_m=-0.15)):
-        assert estimate.wall_m == pytest.approx(-0.15, abs=0.015)
         assert estimate.recess_m == pytest.approx(0.2, abs=0.02)
+        assert estimate.glass_m == pytest.approx(0.05, abs=0.015)
 
 
 def test_a_smooth_wall_is_taken_to_stand_where_the_rest_of_the_facade_does():

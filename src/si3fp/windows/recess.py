@@ -54,15 +54,15 @@ class RecessEstimate:
         Depth behind the wall around the window, or None where it cannot be told.
     sigma_m
         Its standard deviation; 0 where it cannot be told.
-    wall_m
-        Depth at which the views agree on the wall around the window; 0 is the facade plane.
+    glass_m
+        Depth behind the facade plane at which the views agree on the inside of the window.
     views
         Number of views compared.
     """
 
     recess_m: float | None
     sigma_m: float
-    wall_m: float
+    glass_m: float
     views: int
 
 
@@ -143,12 +143,14 @@ def estimate_recess(
             for box, seen, depth in zip(boxes, near, wall_m, strict=True)
         ]
     )
-    return tuple(
-        RecessEstimate(recess_m, sigma_m, float(depth), len(seen))
-        for (recess_m, sigma_m), depth, seen in zip(
-            _by_kind(boxes, curves, walls, config), wall_m, near, strict=True
-        )
-    )
+    own = [_peak(GLASS_DEPTHS_M, curve, config) for curve in curves]
+    estimates = []
+    for index, (recess_m, sigma_m) in enumerate(_by_kind(boxes, curves, own, walls, config)):
+        mine = own[index]
+        behind_m = mine.depth_m if mine is not None else recess_m or 0.0
+        glass_m = float(wall_m[index]) + behind_m
+        estimates.append(RecessEstimate(recess_m, sigma_m, glass_m, len(near[index])))
+    return tuple(estimates)
 
 
 def _widest(
@@ -275,10 +277,13 @@ def _peak(depths_m: FloatArray, curve: FloatArray, config: MeasureConfig) -> _Pe
 
 
 def _by_kind(
-    boxes: FloatArray, curves: FloatArray, walls: Sequence[_Peak | None], config: MeasureConfig
+    boxes: FloatArray,
+    curves: FloatArray,
+    own: Sequence[_Peak | None],
+    walls: Sequence[_Peak | None],
+    config: MeasureConfig,
 ) -> list[tuple[float | None, float]]:
     """Recess and standard deviation of every window from its own curve and those of its kind."""
-    own = [_peak(GLASS_DEPTHS_M, curve, config) for curve in curves]
     log_size = np.log(np.maximum(boxes[:, 2:] - boxes[:, :2], 1.0))
     results: list[tuple[float | None, float]] = []
     for index in range(len(boxes)):
@@ -288,7 +293,7 @@ def _by_kind(
         if kind is None:
             results.append((None, 0.0))
             continue
-        told = [own[i] for i in np.flatnonzero(alike)]
+        told = [own[i] for i in np.flatnonzero(alike).tolist()]
         values = np.array([peak.depth_m for peak in told if peak is not None])
         mine, wall = own[index], walls[index]
         sigma_m = np.inf

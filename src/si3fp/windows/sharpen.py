@@ -30,6 +30,8 @@ MAX_SPREAD = 40.0
 """Grey levels: a view farther off counts as this."""
 GLASS_FIRST = 1.3
 """The views may lie this much farther apart on the glass than on the wall, which reflections do."""
+MAX_RATIO = 0.78
+"""Of these two distances in a whole window; above it, the picture on the wall plane is sharper."""
 FEATHER_PX = 1.0
 """Standard deviation of the soft border between the two pictures."""
 
@@ -72,7 +74,7 @@ def sharpen_windows(
         right, bottom = np.clip(np.ceil(box[2:]).astype(int), 0, limit)
         if right - left < 3 or bottom - top < 3:
             continue
-        depth_px = (recess.wall_m + recess.recess_m) / grid.m_per_px
+        depth_px = recess.glass_m / grid.m_per_px
         area = (int(left), int(top), int(right), int(bottom))
         parts, weights = [], []
         for view in known:
@@ -85,7 +87,10 @@ def sharpen_windows(
             OrthoImage(v.source, v.rgb[top:bottom, left:right], v.valid[top:bottom, left:right])
             for v in known
         ]
-        share = _share(_spread(parts, inside.rgb, gains), _spread(wall, old, gains), parts)
+        on_glass, on_wall = _spread(parts, inside.rgb, gains), _spread(wall, old, gains)
+        if on_glass[inside.valid].sum() > MAX_RATIO * on_wall[inside.valid].sum():
+            continue
+        share = _share(on_glass, on_wall, parts)
         mixed = share * inside.rgb + (1 - share) * old
         rgb[top:bottom, left:right] = np.round(mixed).astype(np.uint8)
     return OrthoImage(fused.source, rgb, fused.valid, fused.depth_m, fused.seen_by)
