@@ -14,7 +14,7 @@ from si3fp.model import Detections, OrthoImage
 from si3fp.ortho import wall_resolution
 from si3fp.windows.fuse import FusedDetections
 from si3fp.windows.measure import measure_windows, opening_box
-from si3fp.windows.parallax import patch_warp, seen_from
+from si3fp.windows.parallax import patch_warp, seen_from, widest_views
 from si3fp.windows.recess import UNKNOWN_RECESS, RecessEstimate, estimate_recess
 from si3fp.windows.sharpen import sharpen_windows
 
@@ -260,3 +260,13 @@ def test_a_patch_at_no_depth_is_the_patch_itself():
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     patch = cv2.warpAffine(image, patch_warp(shrink, shift, (2, 1)), (4, 3), flags=flags)
     assert (patch == image[1:4, 2:6]).all()
+
+
+def test_the_widest_views_are_the_middle_and_the_ends():
+    views = [
+        OrthoImage(str(i), np.zeros((1, 1, 3), np.uint8), np.ones((1, 1), bool)) for i in range(9)
+    ]
+    cameras = {str(i): np.array([float(i), 2.0, 10.0]) for i in range(9)}
+    assert [view.source for view in widest_views(views, cameras, 3)] == ["0", "4", "8"]
+    assert len(widest_views(views, cameras, 20)) == 9
+    assert widest_views([], cameras, 3) == []

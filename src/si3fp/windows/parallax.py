@@ -6,9 +6,12 @@ At depth ``r`` behind the plane, the point ``s`` is seen by a camera with foot `
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from si3fp.geometry.rigid import FloatArray
+from si3fp.model import OrthoImage
 
 
 def seen_from(foot_px: FloatArray, distance_px: float, depth_px: float) -> tuple[float, FloatArray]:
@@ -35,3 +38,20 @@ def patch_warp(shrink: float, shift: FloatArray, corner_px: tuple[int, int]) -> 
     # cv2 counts from the centre of the first pixel.
     x, y = shrink * (np.array(corner_px) + 0.5) + shift - 0.5
     return np.array([[shrink, 0.0, x], [0.0, shrink, y]])
+
+
+def widest_views(
+    views: Sequence[OrthoImage], cameras_in_facade: Mapping[str, FloatArray], count: int
+) -> list[OrthoImage]:
+    """At most ``count`` views whose directions to the wall lie far apart, in the order given."""
+    if not views:
+        return []
+    cameras = np.array([cameras_in_facade[view.source] for view in views])
+    slopes = cameras[:, :2] / np.maximum(cameras[:, 2:], 0.5)
+    taken = [int(np.linalg.norm(slopes - np.median(slopes, axis=0), axis=1).argmin())]
+    gap = np.linalg.norm(slopes - slopes[taken[0]], axis=1)
+    while len(taken) < min(count, len(views)):
+        gap[taken] = -1.0
+        taken.append(int(gap.argmax()))
+        gap = np.minimum(gap, np.linalg.norm(slopes - slopes[taken[-1]], axis=1))
+    return [views[index] for index in sorted(taken)]

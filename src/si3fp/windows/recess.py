@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from si3fp.config import MeasureConfig
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import OrthoImage
-from si3fp.windows.parallax import patch_warp, seen_from
+from si3fp.windows.parallax import patch_warp, seen_from, widest_views
 
 FloatImage = NDArray[np.float32]
 
@@ -123,7 +123,8 @@ def estimate_recess(
     values are spread (a normal prior with the kind's mean and spread).
     """
     boxes = np.asarray(boxes_px, np.float64).reshape(-1, 4)
-    chosen = _widest([v for v in views if v.source in cameras_in_facade], cameras_in_facade, config)
+    known = [view for view in views if view.source in cameras_in_facade]
+    chosen = widest_views(known, cameras_in_facade, config.recess_max_views)
     if not len(boxes) or len(chosen) < config.recess_min_views:
         return (UNKNOWN_RECESS,) * len(boxes)
     scale = min(1.0, m_per_px / config.recess_m_per_px)
@@ -151,22 +152,6 @@ def estimate_recess(
         glass_m = float(wall_m[index]) + behind_m
         estimates.append(RecessEstimate(recess_m, sigma_m, glass_m, len(near[index])))
     return tuple(estimates)
-
-
-def _widest(
-    views: Sequence[OrthoImage], cameras: Mapping[str, FloatArray], config: MeasureConfig
-) -> list[OrthoImage]:
-    """At most ``recess_max_views`` views whose directions lie far apart, in the order given."""
-    if not views:
-        return []
-    slopes = np.array([cameras[v.source][:2] / max(cameras[v.source][2], 0.5) for v in views])
-    taken = [int(np.linalg.norm(slopes - np.median(slopes, axis=0), axis=1).argmin())]
-    gap = np.linalg.norm(slopes - slopes[taken[0]], axis=1)
-    while len(taken) < min(config.recess_max_views, len(views)):
-        gap[taken] = -1.0
-        taken.append(int(gap.argmax()))
-        gap = np.minimum(gap, np.linalg.norm(slopes - slopes[taken[-1]], axis=1))
-    return [views[index] for index in sorted(taken)]
 
 
 def _prepare(view: OrthoImage, camera: FloatArray, m_per_px: float, scale: float) -> _View:
