@@ -135,8 +135,8 @@ def estimate_recess(
         _peak(WALL_DEPTHS_M, _wall_curve(box * scale, seen, step_m), config)
         for box, seen in zip(boxes, near, strict=True)
     ]
-    known = [wall.depth_m for wall in walls if wall is not None]
-    usual = float(np.median(known)) if known else 0.0
+    depths = [wall.depth_m for wall in walls if wall is not None]
+    usual = float(np.median(depths)) if depths else 0.0
     wall_m = np.array([usual if wall is None else wall.depth_m for wall in walls])
     curves = np.array(
         [
