@@ -12,6 +12,9 @@ from si3fp.model import Building, Facade, Footprint, GeoOrigin, Missing
 ROW_GAP_M = 1.2
 """Window centres farther apart than this are rows of their own."""
 
+MIN_STOREY_M = 2.0
+"""Lower storeys are an error of the map, which would multiply the floor area."""
+
 
 def make_building(
     footprint: Footprint,
@@ -47,9 +50,14 @@ def make_building(
     else:
         height_m = default_height_m
         notes.append(f"height assumed {height_m:g} m: neither facade nor footprint gives it")
-    if footprint.storeys is not None:
-        storeys = footprint.storeys
+    mapped = footprint.storeys
+    if mapped is not None and height_m >= mapped * MIN_STOREY_M:
+        storeys = mapped
     else:
+        if mapped is not None:
+            notes.append(
+                f"{mapped} storeys of the map would be {height_m / mapped:.2f} m high: not used"
+            )
         storeys, note = storeys_from_rows(height_m, facades, config.storey_height_m)
         notes.append(note)
     building = Building(
