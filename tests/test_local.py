@@ -250,12 +250,17 @@ POSE = 'GPano:PoseHeadingDegrees="0.0" GPano:PosePitchDegrees="-1.5" GPano:PoseR
 
 
 def photo_sphere(
-    path: Path, *, xmp: str = POSE, gps: dict[int, Any] | None = None, width: int = 64
+    path: Path,
+    *,
+    xmp: str = POSE,
+    gps: dict[int, Any] | None = None,
+    width: int = 64,
+    taken: str = "2021:05:03 10:00:00",
 ) -> None:
     """A JPEG with EXIF GPS and an XMP packet."""
     exif = Image.Exif()
     exif[0x8825] = GPS if gps is None else gps
-    exif[0x8769] = {0x9003: "2021:05:03 10:00:00"}
+    exif[0x8769] = {0x9003: taken}
     stream = io.BytesIO()
     pixels = np.full((32, width, 3), 128, np.uint8)
     Image.fromarray(pixels).save(stream, "JPEG", exif=exif)
@@ -281,6 +286,12 @@ def test_a_folder_of_photo_spheres_is_read(tmp_path: Path) -> None:
     assert first.captured == "2021-05-03"
     panorama = panoramas_in_world([first], GeoOrigin(-33.858, -70.51, 0.0))[0]
     assert panorama.planes_in_pano is None
+
+
+@pytest.mark.parametrize("taken", ["    :  :     :  :  ", "0000:00:00 00:00:00", ""])
+def test_a_photo_sphere_without_a_set_clock_has_no_date(tmp_path: Path, taken: str) -> None:
+    photo_sphere(tmp_path / "a.jpg", taken=taken)
+    assert read_panorama_records(tmp_path)[0].captured == ""
 
 
 def test_gpano_elements_and_a_crop_are_read(tmp_path: Path) -> None:

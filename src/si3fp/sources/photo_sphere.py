@@ -146,7 +146,8 @@ def photo_sphere_row(
         "heading_deg": properties["PoseHeadingDegrees"],
         "pitch_deg": properties.get("PosePitchDegrees", 0.0),
         "roll_deg": properties.get("PoseRollDegrees", 0.0),
-        "captured": taken[:10].replace(":", "-"),
+        # EXIF writes blanks or zeros where the camera's clock was not set.
+        "captured": taken[:10].replace(":", "-") if taken.strip(" :0") else "",
     }
 
 
