@@ -17,11 +17,13 @@ from typing import Any
 
 import numpy as np
 
+from si3fp.blend import blend
 from si3fp.config import FusionConfig, MeasureConfig
 from si3fp.evaluate import Evaluation, evaluate, facades_from_hbjson
 from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.rigid import Rigid3
 from si3fp.model import Detections, Facade, GeoOrigin, OrthoImage, Window
+from si3fp.ortho import wall_resolution
 from si3fp.records import facade_from_records
 from si3fp.windows.detect import OnnxDetector
 from si3fp.windows.fuse import FusedDetections, combine, fuse_views
@@ -58,15 +60,13 @@ def facades_of(run: Path) -> Iterator[Parsed]:
         found = read_json(workspace.facade(name, "detections.json"))
         facade = facade_from_records(about, read_json(workspace.facade(name, "windows.json")))
         used = [view["source"] for view in about["views"] if view["used"]]
-        yield Parsed(
-            facade,
-            FacadeGrid(facade.world_from_facade, *about["grid_px"], about["m_per_px"]),
-            _image("fused", workspace.facade(name, "ortho.png")),
-            tuple(_image(v, workspace.facade(name, f"views/{safe_name(v)}.png")) for v in used),
-            {view: _detections(rows) for view, rows in found["views"].items()},
-            _detections(found["fused"]),
-            {v: facade.world_from_facade.inverse().apply(places[v]) for v in used},
-        )
+        views = tuple(_image(v, workspace.facade(name, f"views/{safe_name(v)}.png")) for v in used)
+        cameras = {v: facade.world_from_facade.inverse().apply(places[v]) for v in used}
+        grid = FacadeGrid(facade.world_from_facade, *about["grid_px"], about["m_per_px"])
+        # ortho.png shows windows at the depth of their glass; edges are sought on the wall.
+        fused = blend(views, [_resolution(grid, cameras[v]) for v in used])
+        per_view = {view: _detections(rows) for view, rows in found["views"].items()}
+        yield Parsed(facade, grid, fused, views, per_view, _detections(found["fused"]), cameras)
 
 
 def truth_of(path: Path) -> tuple[GeoOrigin | None, list[Facade]]:
@@ -106,6 +106,15 @@ def windows_by(
         refined.detections.boxes_px, parsed.views, parsed.cameras, parsed.grid.m_per_px, measure
     )
     return measure_windows(refined, nothing, parsed.grid, parsed.cameras, measure, recesses)
+
+
+def _resolution(grid: FacadeGrid, camera: np.ndarray) -> np.ndarray:
+    columns, rows = np.arange(grid.width_px) + 0.5, np.arange(grid.height_px) + 0.5
+    x = grid.facade_from_pixels(np.stack([columns, columns * 0], axis=-1))[:, 0]
+    y = grid.facade_from_pixels(np.stack([rows * 0, rows], axis=-1))[:, 1]
+    return np.asarray(
+        wall_resolution(x[None] - camera[0], y[:, None] - camera[1], camera[2]), np.float32
+    )
 
 
 def _image(source: str, path: Path) -> OrthoImage:

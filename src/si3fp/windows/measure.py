@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from si3fp.blend import SHARPNESS_POWER
 from si3fp.config import MeasureConfig
 from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.rigid import FloatArray
@@ -121,7 +120,8 @@ def recess_lever(edges_m: FloatArray, cameras_in_facade: Sequence[FloatArray]) -
 
     A camera that looks at an edge from inside the opening's span sees it through the opening,
     at ``gap / distance`` per metre of recess; from beyond the edge the reveal hides the glass and
-    the edge is that of the wall. The cameras weigh as in the blend (`si3fp.blend`).
+    the edge is that of the wall. The cameras weigh by their resolution on the wall: between the
+    median that anchors the blend, where all count alike, and its mean, where the best dominates.
     """
     cameras = [camera for camera in cameras_in_facade if camera[2] > MIN_DISTANCE_M]
     if not cameras:
@@ -132,7 +132,7 @@ def recess_lever(edges_m: FloatArray, cameras_in_facade: Sequence[FloatArray]) -
         gap = np.clip(OUTWARD * (edges_m - camera[[0, 0, 1, 1]]), 0, None)
         levers.append(gap / camera[2])
         across, up = middle - camera[:2]
-        weights.append(float(wall_resolution(across, up, float(camera[2]))) ** SHARPNESS_POWER)
+        weights.append(float(wall_resolution(across, up, float(camera[2]))))
     lever: FloatArray = np.average(levers, axis=0, weights=weights)
     return lever
 
