@@ -49,8 +49,9 @@ format: venv
 	$(BIN)/ruff check --fix-only $(SOURCES)
 	$(BIN)/ruff format $(SOURCES)
 
+# Anew each time: results of an older state of the code would prove nothing.
 demo: venv
-	$(BIN)/si3fp demo
+	$(BIN)/si3fp demo --overwrite
 
 clean:
 	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache demo-run

@@ -132,10 +132,11 @@ def simulate(run: Path, epw: Path) -> None:
 @click.option(
     "-o", "--out", type=a_path, default="demo-run", show_default=True, help="Folder of the run."
 )
-def demo(out: Path) -> None:
+@click.option("--overwrite", is_flag=True, help="Replace what the folder holds.")
+def demo(out: Path, overwrite: bool) -> None:
     """Run `street` and `simulate` on the street that ships with the package, against its truth."""
     with progress_bars() as progress:
-        code = run_demo(out, progress=progress)
+        code = run_demo(out, overwrite=overwrite, progress=progress)
     if code:
         sys.exit(code)
 
@@ -235,7 +236,10 @@ def main() -> NoReturn:
         error.show()
         sys.exit(error.exit_code)
     except (KeyboardInterrupt, click.Abort):
-        click.echo("Interrupted. The same command continues where it stopped.", err=True)
+        click.echo(
+            "Interrupted. The same command without --overwrite continues where it stopped.",
+            err=True,
+        )
         sys.exit(EXIT_INTERRUPTED)
     except Si3fpError as error:
         click.echo(f"Error: {error}", err=True)

@@ -133,9 +133,21 @@ def test_interrupted_is_130_and_says_how_to_go_on(on_street, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(steps, "make_views", stop)
-    code, _, err = on_street()
+    code, _, err = on_street("--overwrite")
     assert code == 130
-    assert "continues where it stopped" in err
+    assert "without --overwrite continues where it stopped" in err
+
+
+def test_the_demo_can_replace_the_run_of_another_version(si3fp, tmp_path, monkeypatch):
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(steps, "make_views", stop)
+    (tmp_path / "cache").mkdir()
+    (tmp_path / "cache" / "key.json").write_text('{"key": "that of another version"}')
+    fails(si3fp("demo", "-o", tmp_path), "another version", "--overwrite")
+    code, _, err = si3fp("demo", "-o", tmp_path, "--overwrite")
+    assert code == 130, err  # it has begun
 
 
 def test_truncated_image(on_street, street):

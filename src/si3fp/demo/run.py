@@ -27,6 +27,8 @@ MAX_WWR_ERROR = 0.03  # and above this error of the glazed area over the gross w
 def run_demo(
     out: Path,
     street: Path | None = None,
+    *,
+    overwrite: bool = False,
     progress: Progress = lambda step, done, total: None,
 ) -> int:
     """The exit code of the demo: 0, or 1 where too few windows or too wrong a ratio was found.
@@ -40,12 +42,18 @@ def run_demo(
     street
         A folder with ``panoramas.geojson``, ``footprints.geojson`` and ``truth.hbjson``; by default
         the street that ships with the package.
+    overwrite
+        Replace what the folder holds.
     progress
         Told how far each step is.
     """
     street = street or Path(str(resources.files("si3fp.demo") / "street"))
     run = run_street(
-        street / "panoramas.geojson", street / "footprints.geojson", out, progress=progress
+        street / "panoramas.geojson",
+        street / "footprints.geojson",
+        out,
+        overwrite=overwrite,
+        progress=progress,
     )
     write_map_layer(run)
     _simulate(run.workspace)
