@@ -98,7 +98,20 @@ def test_images_come_back_as_they_were_written(tmp_path, shape):
     np.testing.assert_array_equal(read_png(tmp_path / "image.png"), image)
 
 
+def test_images_are_read_without_handing_cv2_a_path(tmp_path, monkeypatch):
+    """On Windows cv2 cannot open the paths that Python can, such as ``Hausübersicht``."""
+    image = np.arange(60, dtype=np.uint8).reshape(4, 5, 3)
+    write_png(tmp_path / "Hausübersicht" / "image.png", image)
+    monkeypatch.delattr("cv2.imread")
+    np.testing.assert_array_equal(read_png(tmp_path / "Hausübersicht" / "image.png"), image)
+
+
 def test_an_image_that_cannot_be_read_is_said(tmp_path):
+    with pytest.raises(SourceError, match="delete it and run the same command again"):
+        read_png(tmp_path / "none.png")
+    (tmp_path / "empty.png").touch()
+    with pytest.raises(SourceError, match="delete it and run the same command again"):
+        read_png(tmp_path / "empty.png")
     (tmp_path / "image.png").write_bytes(b"\x89PNG")
     with pytest.raises(SourceError, match="delete it and run the same command again"):
         read_png(tmp_path / "image.png")

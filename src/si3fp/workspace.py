@@ -71,9 +71,15 @@ def write_png(path: Path, image: Image) -> None:
 
 def read_png(path: Path) -> Image:
     """An image that `write_png` wrote: (H, W), RGB or RGBA uint8."""
-    pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    damaged = SourceError(f"Could not read {path}; delete it and run the same command again.")
+    try:
+        # Not `cv2.imread`: on Windows it cannot open paths outside the system's code page.
+        content = np.frombuffer(path.read_bytes(), np.uint8)
+    except OSError as error:
+        raise damaged from error
+    pixels = cv2.imdecode(content, cv2.IMREAD_UNCHANGED) if content.size else None
     if pixels is None:
-        raise SourceError(f"Could not read {path}; delete it and run the same command again.")
+        raise damaged
     order = {3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGBA}
     colours = cv2.cvtColor(pixels, order[pixels.shape[2]]) if pixels.ndim == 3 else pixels
     return np.ascontiguousarray(colours, dtype=np.uint8)
