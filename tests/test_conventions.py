@@ -212,7 +212,12 @@ def test_f10_cameras_and_ground_share_a_datum():
     (panorama,) = panoramas_in_world([pano_record(13.0)], GOTHENBURG)
     (footprint,) = footprints_in_world([footprint_record(11.0)], GOTHENBURG)
     assert panorama.centre_in_world[2] == pytest.approx(3.0, abs=1e-4)  # 13 - 10
-    assert footprint.ground_m == pytest.approx(1.0)  # 11 - 10
+    assert footprint.ground_m == pytest.approx(1.0, abs=1e-4)  # 11 - 10
+    # 5 km away the Earth curves 2 m below the world's plane, for the one as for the other.
+    far = GeoOrigin(GOTHENBURG.lat_deg - 0.045, GOTHENBURG.lon_deg, GOTHENBURG.height_m)
+    (panorama,) = panoramas_in_world([pano_record(13.0)], far)
+    (footprint,) = footprints_in_world([footprint_record(11.0)], far)
+    assert panorama.centre_in_world[2] - footprint.ground_m == pytest.approx(2.0, abs=0.02)
 
 
 # Pixels

@@ -69,7 +69,8 @@ def test_properties_are_read(written: Callable[..., Path]) -> None:
         1962,
         "flats",
     )
-    assert first.ground_m == 2.5  # in world z, the origin lies at 10 m
+    # In world z; the origin lies at 10 m.
+    assert first.ground_m == pytest.approx(2.5, abs=1e-4)
     assert (second.ground_m, second.height_m, second.storeys, second.year, second.use) == (
         None,
         None,

@@ -163,12 +163,18 @@ def _footprint(record: FootprintRecord, origin: GeoOrigin) -> Footprint:
     return Footprint(
         id=record.id,
         outline_in_world=outline,
-        ground_m=None if record.ground_m is None else record.ground_m - origin.height_m,
+        ground_m=None if record.ground_m is None else _ground_in_world(record, origin),
         height_m=record.height_m,
         storeys=record.storeys,
         year=record.year,
         use=record.use,
     )
+
+
+def _ground_in_world(record: FootprintRecord, origin: GeoOrigin) -> float:
+    """World z of the ground at the middle of the outline: that of a camera at this height there."""
+    lon_deg, lat_deg = record.outline_deg.mean(axis=0)
+    return float(world_from_geodetic([lat_deg, lon_deg, record.ground_m], origin)[2])
 
 
 def _records_of_feature(
