@@ -293,6 +293,22 @@ def test_without_plane_maps_walls_come_from_edges_in_sight():
     assert "hidden by other walls" in reasons["back-0"]
 
 
+def test_a_height_that_nothing_tells_is_assumed_and_says_so():
+    mapped = HOUSE
+    bare = replace(HOUSE, height_m=None)
+    with_maps = street(HOUSE, count=3)
+    without = [replace(p, planes_in_pano=None, plane_index=None) for p in with_maps]
+    assumed = {
+        (house is bare, panoramas is without): [
+            wall.height_is_assumed for wall in cluster_walls(panoramas, [house], CONFIG).walls
+        ]
+        for house in (mapped, bare)
+        for panoramas in (with_maps, without)
+    }
+    assert assumed.pop((True, True)) == [True]
+    assert list(assumed.values()) == [[False]] * 3
+
+
 def test_sight_in_plan_says_why_not():
     blocker = rectangle("blocker", 8, 4, 12, 6)
     far = rectangle("far", 0, 100, 20, 110)

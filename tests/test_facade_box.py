@@ -109,6 +109,11 @@ def test_a_mapped_height_two_metres_off_is_corrected(error_m):
     assert_is_the_wall(found(views(), prior))
 
 
+def test_eaves_that_were_merely_assumed_give_way_to_the_images_however_far_off():
+    prior = PriorBox(LEFT_M, RIGHT_M, BOTTOM_M, TOP_M - 6.0, top_is_assumed=True)
+    assert_is_the_wall(found(views(), prior))
+
+
 def test_a_footprint_half_a_metre_off_is_corrected():
     assert_is_the_wall(found(views(), PriorBox(LEFT_M - 0.5, RIGHT_M - 0.5, BOTTOM_M + 0.2, TOP_M)))
 
@@ -147,6 +152,10 @@ def test_nothing_to_see_keeps_the_prior_and_says_so():
     assert box.evidence == ("footprint", "footprint", "footprint", "prior")
     assert box.sigma_m == pytest.approx((0.5, 0.5, 0.3, 1.5))
     assert "top side from the mapped height" in box.notes[3]
+    assumed = found(blank, replace(TRUTH, top_is_assumed=True))
+    assert assumed.top_m == pytest.approx(TOP_M)
+    assert assumed.sigma_m[3] > 5
+    assert "top side from an assumed height" in assumed.notes[3]
 
 
 def test_nothing_to_see_and_no_prior_is_an_error_that_names_the_side():

@@ -63,6 +63,13 @@ def test_the_grid_is_the_wall_with_a_margin():
     np.testing.assert_array_equal(grid.world_from_facade.rotation, SOUTH_WALL.rotation)
 
 
+def test_the_grid_reaches_high_where_the_eaves_are_unknown():
+    panoramas = cameras(a=(6, 2.5, 8))
+    wall = dataclasses.replace(wall_seen_by(panoramas), height_is_assumed=True)
+    grid = plan_views(wall, panoramas, {"a": 8192}, CONFIG).grid
+    assert grid.height_m - CONFIG.margin_m > 25  # an usual block of eight storeys
+
+
 def test_the_best_panorama_comes_first():
     panoramas = cameras(far=(6, 2.5, 20), near=(6, 2.5, 6), middle=(6, 2.5, 12))
     assert plan(panoramas).panorama_ids == ("near", "middle", "far")

@@ -76,6 +76,8 @@ class Wall:
         Length of the edge on the wall, without footprint the extent of the supports.
     height_m
         Prior of the height of the eaves above the ground.
+    height_is_assumed
+        Whether nothing told that height.
     members
         (panorama id, plane index) of its planes.
     panorama_ids
@@ -96,6 +98,7 @@ class Wall:
     panorama_ids: tuple[str, ...]
     fit: WallFit
     notes: tuple[str, ...] = ()
+    height_is_assumed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,14 +210,14 @@ def _wall(
         if m.pixels >= config.min_pixels
     ]
     if footprint is not None and footprint.height_m is not None:
-        height_m = footprint.height_m
+        height_m, is_assumed = footprint.height_m, False
         notes.append("height from the footprint")
     elif tops and np.median(tops) > 2.0:
-        height_m = float(np.median(tops))
+        height_m, is_assumed = float(np.median(tops)), False
         notes.append("height from the extent of the planes")
     else:
-        height_m = config.default_height_m
-        notes.append(f"height assumed {height_m} m: nothing tells it")
+        height_m, is_assumed = config.default_height_m, True
+        notes.append("neither map nor planes tell the height: the eaves are sought in the images")
 
     along, outward = np.append(line.along, 0.0), np.append(line.outward, 0.0)
     rotation = np.stack([along, [0.0, 0.0, 1.0], outward], axis=-1)
@@ -229,6 +232,7 @@ def _wall(
         (),
         fit,
         tuple(notes),
+        is_assumed,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -21,18 +21,23 @@ Evidence = Literal["images", "footprint", "prior"]
 MIN_SEEN = 0.3
 """Share of a side that a view must have seen to vote on it."""
 
+ASSUMED_EAVES_SIGMA_M = 6.0
+"""Accuracy of eaves that were merely assumed: any usual building is within three of these."""
+
 
 @dataclass(frozen=True, slots=True)
 class PriorBox:
     """Where the footprint and the mapped height put the facade, metres in the grid's frame.
 
-    Each side may be None: nothing is known of it.
+    Each side may be None: nothing is known of it. A top that is merely assumed only serves where
+    the images show none.
     """
 
     left_m: float | None = None
     right_m: float | None = None
     bottom_m: float | None = None
     top_m: float | None = None
+    top_is_assumed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +104,8 @@ def find_facade_box(
     rows = relevant_positions([one.horizontal for one in lines], height, width, m_per_px, config)
     columns = relevant_positions([one.vertical for one in lines], width, height, m_per_px, config)
     known = (prior.left_m, prior.right_m, prior.bottom_m, prior.top_m)
+    if prior.top_is_assumed:
+        config = replace(config, eaves_sigma_m=ASSUMED_EAVES_SIGMA_M)
     priors = Priors.from_metres(known, grid.height_m, m_per_px, config)
     slack_px = config.relevant_distance_m / m_per_px
     candidates = priors.candidates(columns, rows, slack_px)
@@ -135,7 +142,9 @@ def find_facade_box(
         box_px.append(float(expected))
         sigmas.append(float(priors.sigma_px[side]) * m_per_px)
         evidence.append("prior" if name == "top" else "footprint")
-        source = "the mapped height" if name == "top" else "the footprint"
+        source = "the footprint"
+        if name == "top":
+            source = "an assumed height" if prior.top_is_assumed else "the mapped height"
         notes.append(f"{name} side from {source}: no line of the images supports it")
     if evidence[TOP] == "images":
         box_px[TOP] = _below_the_overhang(np.array(box_px), rows, scores, m_per_px, config)

@@ -138,4 +138,5 @@ def _prior(plan: ViewPlan) -> PriorBox:
         right_m=margin_m + wall.width_m,
         bottom_m=margin_m,
         top_m=margin_m + wall.height_m,
+        top_is_assumed=wall.height_is_assumed,
     )

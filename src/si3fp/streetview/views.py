@@ -16,6 +16,9 @@ from si3fp.ortho import rectify, source_m_per_px, view_distances
 from si3fp.streetview.cluster import Wall
 from si3fp.streetview.occlusion import hidden_part
 
+EAVES_REACH_M = 27.0
+"""The grid reaches this far above the ground where nothing tells the eaves: nine storeys."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ViewPlan:
@@ -64,7 +67,8 @@ def plan_views(
     corner = wall.world_from_facade.apply([-config.margin_m, -config.margin_m, 0.0])
     frame = Rigid3(wall.world_from_facade.rotation, corner)
     width_m = wall.width_m + 2 * config.margin_m
-    height_m = wall.height_m + config.margin_m + config.headroom_m
+    reach_m = EAVES_REACH_M if wall.height_is_assumed else wall.height_m + config.headroom_m
+    height_m = config.margin_m + reach_m
     coarse = FacadeGrid.covering(frame, width_m, height_m, 0.25)
     least_cosine = np.cos(np.deg2rad(config.max_obliqueness_deg))
     sizes = {}
