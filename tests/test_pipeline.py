@@ -7,6 +7,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from tests.scenes import make_street, write_street
@@ -156,6 +157,20 @@ def test_one_facades_failure_is_a_missing_row_and_costs_nothing_else(street, tmp
         "facade_id": "house-a-0", "step": "facade_box", "reason": "the wall is a mirror",
     }  # fmt: skip
     assert rows["house-a-1"]["step"] == "coverage"
+
+
+def test_a_wall_of_which_no_picture_shows_enough_was_not_seen(street, tmp_path):
+    dark = tmp_path / "street"
+    shutil.copytree(street, dark)
+    for image in (dark / "panoramas").iterdir():
+        pixels = cv2.imread(str(image))
+        cv2.imwrite(str(image), np.zeros_like(pixels))
+    with pytest.raises(ReconstructionError, match="No facade was found"):
+        go(dark, tmp_path / "RUN")
+    missing = json.loads((tmp_path / "RUN" / "run.json").read_text())["missing"]
+    assert {row["step"] for row in missing} == {"coverage"}
+    (reason,) = [row["reason"] for row in missing if row["facade_id"] == "house-a-0"]
+    assert "of 3 panoramas none shows 5% of it" in reason
 
 
 def test_without_footprints_walls_become_faces_without_a_building(street, tmp_path):

@@ -53,10 +53,12 @@ def find_facade(
         step = "align"
         try:
             with timed("S.3 align"):
-                views = [_raw_view(plan, each, workspace) for each in plan.panorama_ids]
-                registrations, moved = align_views(
-                    plan, enough_seen(views, config.ortho), inputs.panoramas, config.align
+                views = enough_seen(
+                    [_raw_view(plan, each, workspace) for each in plan.panorama_ids], config.ortho
                 )
+                if not views:
+                    return _not_seen(plan, config)
+                registrations, moved = align_views(plan, views, inputs.panoramas, config.align)
             step = "facade_box"
             with timed("S.4 facade"):
                 rng = np.random.default_rng([config.seed, *name.encode()])
@@ -78,6 +80,15 @@ def find_facade(
     return facade_from_records(
         read_json(workspace.facade(name, "facade.json")),
         read_json(workspace.facade(name, "windows.json")),
+    )
+
+
+def _not_seen(plan: ViewPlan, config: StreetConfig) -> Missing:
+    return Missing(
+        plan.wall.facade_id,
+        "coverage",
+        f"no camera sees enough: of {len(plan.panorama_ids)} panoramas none shows "
+        f"{config.ortho.min_seen:.0%} of it",
     )
 
 
