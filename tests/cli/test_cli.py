@@ -278,6 +278,11 @@ def test_zero_facades(on_street, monkeypatch):
     fails(on_street(), "No facade was found", "the wall is a mirror", r"run\.json")
 
 
+def test_an_unknown_country_is_said_before_the_work(on_street, tmp_path):
+    fails(on_street("--country", "SWE"), "no TABULA archetype for country 'SWE'", "SE")
+    assert not (tmp_path / "RUN").exists()
+
+
 def test_full_disk(on_street, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")

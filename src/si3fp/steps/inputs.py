@@ -13,6 +13,7 @@ from si3fp.model import Footprint, Panorama
 from si3fp.sources.footprints import footprints_in_world, read_footprints
 from si3fp.sources.local import PanoramaRecord, panoramas_in_world, read_panorama_records
 from si3fp.sources.selection import run_origin, select_panoramas, within_radius
+from si3fp.thermal.archetypes import archetype
 from si3fp.workspace import (
     Workspace,
     dump_json,
@@ -74,7 +75,15 @@ def collect(
     circle: Circle | None = None,
     columns: Mapping[str, str] | None = None,
 ) -> StreetInputs:
-    """S.1: the panoramas and footprints of a run, checked and filtered."""
+    """S.1: the panoramas and footprints of a run, checked and filtered.
+
+    Raises
+    ------
+    InputError
+        If an input cannot be used, or the thermal tables do not know the country: that must not
+        show after minutes of work.
+    """
+    archetype(config.thermal.country, None, config.thermal.default_year)
     records = read_panorama_records(panoramas, config.collect.max_pixels)
     outlines = read_footprints(footprints, columns) if footprints else []
     notes: list[str] = []
