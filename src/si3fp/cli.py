@@ -63,7 +63,7 @@ def verbs() -> None:
 )
 @click.option("--m-per-px", type=float, help="Resolution of the facades (default 0.02).")
 @click.option("--country", help="Country of the thermal tables (default SE).")
-@click.option("--seed", type=int, default=0, show_default=True)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
 @click.option("--no-recess-correction", is_flag=True, help="Leave window edges as they appear.")
 @click.option("--overwrite", is_flag=True, help="Replace what the folder holds.")
 def street(

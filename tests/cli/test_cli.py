@@ -98,7 +98,8 @@ def test_done_is_zero_and_results_go_to_stdout(on_street, tmp_path, si3fp):
     "words",
     [["street"], ["nonsense"], ["street", "x", "-o", "y", "--lat", "3"],
      ["street", "x", "-o", "y", "--column", "height"],
-     ["street", "x", "-o", "y", "--m-per-px", "3"]],
+     ["street", "x", "-o", "y", "--m-per-px", "3"],
+     ["street", "x", "-o", "y", "--seed", "-1"]],
 )  # fmt: skip
 def test_wrong_usage_is_two(si3fp, words):
     code, _, err = si3fp(*words)
