@@ -55,6 +55,14 @@ def test_windows_of_a_long_facade_are_found_once_and_in_place(painted):
     assert np.allclose(sorted(map(tuple, found.boxes_px)), sorted(boxes))
 
 
+def test_boxes_come_back_exactly_where_the_scaled_image_is_not_whole(painted):
+    # 62 x 31 px are 28.2 x 14.1 px of the detector, that is 28 x 14.
+    rgb = np.zeros((31, 62, 3), np.uint8)
+    rgb[:] = [255, 0, 0]
+    (box,) = painted.detect(ortho(rgb), painted.m_per_px / 2.2).boxes_px
+    assert np.allclose(box, [0, 0, 62, 31], atol=1e-6)
+
+
 def test_boxes_come_back_in_the_pixels_of_the_image(painted):
     rgb = np.zeros((400, 600, 3), np.uint8)
     rgb[100:180, 200:260] = [255, 0, 0]

@@ -105,10 +105,12 @@ class OnnxDetector:
         scale = m_per_px / self.m_per_px
         pixels = _resized(np.where(image.valid[..., None], image.rgb, np.uint8(0)), scale)
         found = [self._detect_tile(pixels, *tile) for tile in _tiles(*pixels.shape[:2])]
-        boxes = np.concatenate([part[0] for part in found]) / scale
+        height, width = image.valid.shape
+        # The scaled image has whole pixels, so its scale is not exactly the one that was asked.
+        per_pixel = np.array([width / pixels.shape[1], height / pixels.shape[0]] * 2)
+        boxes = np.concatenate([part[0] for part in found]) * per_pixel
         scores = np.concatenate([part[1] for part in found])
         labels = np.concatenate([part[2] for part in found])
-        height, width = image.valid.shape
         boxes = np.clip(boxes, 0, [width, height, width, height])
         order = np.argsort(-scores, kind="stable")
         detections = Detections(boxes, scores, np.array(self.labels, np.str_)[labels]).select(order)
