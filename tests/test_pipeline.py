@@ -69,7 +69,11 @@ def test_every_json_names_schema_version_config_and_inputs(first):
         assert content["si3fp_version"]
         assert content["config"]["seed"] == 0
         assert all(len(sha256) == 64 for sha256 in content["inputs"].values())
-        assert len(content["inputs"]) > 0
+        # Poses come from the list of panoramas, the wall from the footprints.
+        assert {
+            "panoramas.geojson (panoramas)", "footprints.geojson (footprints)",
+            "pano-00 image", "pano-00 plane map",
+        } <= content["inputs"].keys()  # fmt: skip
 
 
 def test_the_same_input_gives_the_same_files(street, first, tmp_path):

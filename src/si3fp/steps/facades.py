@@ -108,14 +108,14 @@ def _write_facade(
 ) -> None:
     """The folder of one facade; ``facade.json`` comes last and says that it is complete."""
     name, grid = plan.wall.facade_id, photo.views.grid
+    others = {
+        f"{panorama} {kind}"
+        for panorama in inputs.records.keys() - set(plan.panorama_ids)
+        for kind in ("image", "plane map")
+    }
     head = {
         "config": config.as_dict(),
-        "inputs": {
-            name: inputs.hashes[name]
-            for panorama in sorted(plan.panorama_ids)
-            for name in (f"{panorama} image", f"{panorama} plane map")
-            if name in inputs.hashes
-        },
+        "inputs": {key: value for key, value in inputs.hashes.items() if key not in others},
     }
     for view in photo.views.views:
         write_png(workspace.facade(name, f"views/{safe_name(view.source)}.png"), _rgba(view))
