@@ -52,10 +52,11 @@ def test_surrounds_are_not_part_of_the_window(mullion):
     assert error_px(refined, TRUE) < 2.5
 
 
-def test_sides_that_are_too_far_inside_move_out():
+def test_sides_in_the_glass_move_out_to_the_frame():
     image = facade(TRUE)
-    tight = boxes(*[(x0 + 5, y0 + 6, x1 - 5, y1 - 4) for x0, y0, x1, y1 in TRUE])
-    assert error_px(refine_boxes(tight, image, 0.02, MeasureConfig()), TRUE) < 2.5
+    tight = boxes(*[(x0 + 8, y0 + 8, x1 - 8, y1 - 8) for x0, y0, x1, y1 in TRUE])
+    # Whether the frame itself is reached depends on how it differs from the wall.
+    assert error_px(refine_boxes(tight, image, 0.02, MeasureConfig()), TRUE) < 4.5
 
 
 def test_good_boxes_stay():

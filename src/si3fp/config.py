@@ -116,7 +116,7 @@ class MeasureConfig:
 
     refine: bool = True
     search_m: float = 0.35  # decision: how far an edge may move inwards or outwards
-    box_sigma_m: float = 0.20  # decision: how far a detected side lies off, standard deviation
+    box_sigma_m: float = 0.08  # decision: how far a detected side lies off, standard deviation
     own_sigma_m: float = 0.06  # decision: how far one window's side lies off its like
     assumed_recess_m: float = 0.12  # decision: typical reveal where the depth is unknown
     recess_sigma_m: float = 0.06  # decision: uncertainty of that assumption

@@ -24,10 +24,10 @@ from si3fp.windows.fuse import FusedDetections
 COLOUR_BINS = 12
 MULLION_SHARE = 0.12
 """Share of the width on both sides of the middle that is left out there too."""
-FRAME_M = 0.10
+FRAME_M = 0.04
 UNKNOWN_INSIDE, UNKNOWN_OUTSIDE = 5e-5, 2.5e-4
 """Densities added to the histograms: a colour that neither knows counts for the outside."""
-LIKENESS_WEIGHT = 0.3
+LIKENESS_WEIGHT = 0.25
 """Score per 2 cm of columns or rows that look like the inside."""
 EDGE_WEIGHT = 3.0
 EDGE_SLOPE = 6.0
