@@ -138,6 +138,17 @@ def test_lists_of_the_same_name_are_told_apart(street, tmp_path):
     assert after.hashes != before.hashes
 
 
+def test_a_courtyard_that_is_left_out_is_said(street, tmp_path):
+    houses = json.loads((street / "footprints.geojson").read_text())
+    rings = houses["features"][0]["geometry"]["coordinates"]
+    outer = np.array(rings[0])
+    rings.append((outer.mean(axis=0) + 0.3 * (outer - outer.mean(axis=0)))[::-1].tolist())
+    path = tmp_path / "footprints.geojson"
+    path.write_text(json.dumps(houses))
+    notes = steps.collect(street / "panoramas.geojson", path, StreetConfig()).notes
+    assert any("house-a: 1 courtyard is filled" in note for note in notes)
+
+
 def test_overwrite_keeps_files_that_are_not_of_a_run(street, tmp_path):
     out = tmp_path / "RUN"
     out.mkdir()

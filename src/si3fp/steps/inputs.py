@@ -10,7 +10,7 @@ from si3fp.config import StreetConfig
 from si3fp.errors import InputError
 from si3fp.geometry.enu import GeoOrigin
 from si3fp.model import Footprint, Panorama
-from si3fp.sources.footprints import footprints_in_world, read_footprints
+from si3fp.sources.footprints import FootprintRecord, footprints_in_world, read_footprints
 from si3fp.sources.local import PanoramaRecord, panoramas_in_world, read_panorama_records
 from si3fp.sources.selection import run_origin, select_panoramas, within_radius
 from si3fp.thermal.archetypes import archetype
@@ -86,7 +86,7 @@ def collect(
     archetype(config.thermal.country, None, config.thermal.default_year)
     records = read_panorama_records(panoramas, config.collect.max_pixels)
     outlines = read_footprints(footprints, columns) if footprints else []
-    notes: list[str] = []
+    notes = [_courtyard_note(outline) for outline in outlines if outline.courtyards]
     if circle is not None:
         kept = within_radius(records, circle.lat_deg, circle.lon_deg, circle.radius_m)
         notes.append(
@@ -116,6 +116,14 @@ def collect(
         {name: sha256_of(file) for name, file in sorted(files.items())},
         (*notes, *selection.notes),
         dict(columns or {}),
+    )
+
+
+def _courtyard_note(footprint: FootprintRecord) -> str:
+    many = footprint.courtyards > 1
+    return (
+        f"{footprint.id}: {footprint.courtyards} courtyard{'s are' if many else ' is'} filled: "
+        "the walls there are not modelled, and floor area and volume are too large."
     )
 
 
