@@ -280,7 +280,8 @@ def test_castle_eaves_lie_where_the_wall_ends_and_the_cornice_begins():
         seen = seen_pixels(image)
         for plan in plans:
             if name in plan.panorama_ids:
-                images[plan.wall.facade_id].append(make_view(plan, panorama, image, seen, ortho))
+                view = make_view(plan, panorama, image, seen, footprints, ortho, config.cluster)
+                images[plan.wall.facade_id].append(view)
     for plan in plans:
         seen_views = enough_seen(images[plan.wall.facade_id], ortho)
         _, moved = align_views(plan, seen_views, panoramas, config.align)
