@@ -25,11 +25,12 @@ def built(facades=(), default_height_m=9.0, **attributes):
 
 
 def test_the_eaves_of_the_facades_decide_the_height_by_their_width():
-    facades = [facade(6.0, width_m=30.0), facade(8.0, width_m=10.0, edge=1)]
-    building, notes = built(facades, ground_m=0.5, height_m=20.0)
+    # Two blank gables at the mapped height do not pull the front, which is wider than both.
+    facades = [facade(8.0, edge=1), facade(12.0, width_m=30.0), facade(8.2, edge=3)]
+    building, notes = built(facades, ground_m=0.5, height_m=8.0)
     assert building.base_z_m == 0.5
-    assert building.height_m == pytest.approx(0.75 * 6.0 + 0.25 * 8.0 - 0.5)
-    assert any("eaves of 2 facades" in note for note in notes)
+    assert building.height_m == pytest.approx(12.0 - 0.5)
+    assert any("eaves of 3 facades" in note for note in notes)
 
 
 def test_without_facades_the_footprint_and_then_the_default_give_the_height():

@@ -17,7 +17,7 @@ from si3fp.geometry.rigid import Rigid3
 from si3fp.model import Footprint, Panorama
 from si3fp.streetview.cloud import cloud_stride, coloured_points, ply_bytes
 from si3fp.streetview.cluster import PaperClustering, cluster_walls
-from si3fp.streetview.visibility import footprint_edges, visible_walls
+from si3fp.streetview.visibility import footprint_edges, goes_on, visible_walls
 from si3fp.streetview.wall_fit import Line, fit_wall
 
 CONFIG = ClusterConfig()
@@ -436,3 +436,15 @@ def test_castle_walls_are_the_three_court_facades():
     assert sorted(wall.width_m for wall in without)[-3:] == pytest.approx(
         [25.9, 33.5, 36.2], abs=0.6
     )
+
+
+def test_a_wall_goes_on_where_the_map_continues_it():
+    row = {
+        "a-0": Line(np.array([0.0, 0.0]), np.array([6.0, 0.0])),
+        "b-0": Line(np.array([6.1, 0.05]), np.array([12.0, 0.0])),
+        "c-0": Line(np.array([12.0, 0.0]), np.array([12.0, 8.0])),  # round the corner
+        "d-0": Line(np.array([20.0, 0.0]), np.array([12.2, 0.0])),  # faces the other way
+    }
+    assert goes_on("a-0", row) == (False, True)
+    assert goes_on("b-0", row) == (True, False)
+    assert goes_on("c-0", row) == (False, False)

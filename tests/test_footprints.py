@@ -205,7 +205,7 @@ def test_a_self_intersection_says_what_to_do(written: Callable[..., Path]) -> No
         ({"height_m": "tall"}, r"`height_m` is 'tall', expected a height above the ground"),
         ({"height_m": -3}, r"`height_m` is -3"),
         ({"height_m": float("nan")}, r"`height_m` is nan"),
-        ({"storeys": 0}, r"`storeys` is 0, expected a whole number, or nothing"),
+        ({"storeys": -1}, r"`storeys` is -1, expected a whole number, or nothing"),
         ({"storeys": 2.5}, r"`storeys` is 2\.5"),
         ({"year": "old"}, r"`year` is 'old', expected a year"),
         ({"year": 62}, r"`year` is 62"),
@@ -315,3 +315,19 @@ def test_a_geopackage_without_pyogrio_names_the_extra(
     monkeypatch.setattr(builtins, "__import__", refuse)
     with pytest.raises(MissingDependencyError, match=r"si3fp\[geo\]"):
         read_footprints(tmp_path / "a.gpkg")
+
+
+@pytest.mark.parametrize("name", ["height_m", "storeys", "year"])
+@pytest.mark.parametrize("unknown", [0, "0", " ", None])
+def test_zero_is_how_registers_say_unknown(tmp_path, name, unknown):
+    ring = [[8.0, 49.0], [8.001, 49.0], [8.001, 49.001], [8.0, 49.001], [8.0, 49.0]]
+    feature = {
+        "type": "Feature",
+        "geometry": {"type": "Polygon", "coordinates": [ring]},
+        "properties": {"id": "a", "ground_m": 0, name: unknown},
+    }
+    path = tmp_path / "footprints.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+    (record,) = read_footprints(path)
+    assert getattr(record, name) is None
+    assert record.ground_m == 0

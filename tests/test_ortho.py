@@ -23,7 +23,6 @@ from si3fp.ortho import (
     _lattice_map,
     _source_window,
     _upsampled,
-    pose_sigma_m,
     rectify,
     source_m_per_px,
     view_distances,
@@ -289,10 +288,3 @@ def test_source_resolution_by_hand():
 
 def test_a_camera_behind_the_wall_resolves_nothing():
     assert source_m_per_px(camera(1.0, 1.0, -5.0), wall_grid(2.0, 2.0), 4096) == np.inf
-
-
-def test_pose_sigma_adds_position_and_direction():
-    grid = wall_grid(2.0, 2.0, 0.05)
-    sigma = pose_sigma_m(camera(1.0, 1.0, 10.0), grid, 0.15, 0.3)
-    assert sigma == pytest.approx(np.hypot(0.15, 10 * np.deg2rad(0.3)), rel=1e-9)
-    assert pose_sigma_m(camera(11.0, 1.0, 10.0), grid, 0.15, 0.3) > 1.4 * sigma

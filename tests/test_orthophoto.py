@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -202,3 +204,15 @@ def test_no_view_is_an_error_that_counts_the_panoramas(exact):
     plan, _, panoramas = exact
     with pytest.raises(FacadeError, match="None of 3 panoramas"):
         align_views(plan, [], panoramas, AlignConfig())
+
+
+def test_where_the_wall_goes_on_the_facade_ends_at_the_corner_of_the_map(exact: Made) -> None:
+    plan, views, panoramas = exact
+    terrace = replace(plan, wall=replace(plan.wall, goes_on=(True, False), width_m=WIDTH_M - 0.4))
+    _, moved = align_views(terrace, views, panoramas, AlignConfig())
+    photo = crop_to_facade(terrace, moved, panoramas, FacadeBoxConfig(), np.random.default_rng(0))
+    left = photo.views.grid.world_from_facade.translation
+    corner = plan.wall.world_from_facade.translation
+    assert np.hypot(*(left - corner)[:2]) < 0.02
+    assert photo.box.evidence[0] == "footprint"
+    assert any("goes on" in note for note in photo.box.notes)

@@ -149,14 +149,22 @@ def test_a_courtyard_that_is_left_out_is_said(street, tmp_path):
     assert any("house-a: 1 courtyard is filled" in note for note in notes)
 
 
-def test_overwrite_keeps_files_that_are_not_of_a_run(street, tmp_path):
+def test_a_folder_of_other_files_is_never_replaced(street, tmp_path):
     out = tmp_path / "RUN"
-    out.mkdir()
-    (out / "notes.txt").write_text("mine")
-    with pytest.raises(InputError, match="holds"):
-        go(street, out)
-    go(street, out, overwrite=True)
-    assert (out / "notes.txt").read_text() == "mine"
+    (out / "buildings").mkdir(parents=True)
+    (out / "buildings" / "mine.txt").write_text("mine")
+    for overwrite in (False, True):
+        with pytest.raises(InputError, match="not of a run"):
+            go(street, out, overwrite=overwrite)
+    assert (out / "buildings" / "mine.txt").read_text() == "mine"
+
+
+def test_a_finished_run_is_known_without_its_cache(street, first, tmp_path):
+    out = tmp_path / "RUN"
+    shutil.copytree(first.workspace.root, out)
+    shutil.rmtree(out / "cache")
+    go(street, out)
+    assert files_of(out) == files_of(first.workspace.root)
 
 
 def test_one_facades_failure_is_a_missing_row_and_costs_nothing_else(street, tmp_path, monkeypatch):

@@ -300,7 +300,7 @@ class Missing:
     facade_id
         The facade.
     step
-        Where it ended: ``coverage``, ``views``, ``align``, ``facade_box``, ``windows``.
+        Where it ended: ``coverage``, ``align``, ``facade_box``, ``windows``.
     reason
         In words.
     """

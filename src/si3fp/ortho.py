@@ -268,13 +268,3 @@ def wall_resolution(across_m: FloatArray, up_m: FloatArray, distance_m: float) -
     square = across_m**2 + up_m**2 + distance_m**2
     density: FloatArray = max(distance_m, 0.0) / square**1.5
     return density
-
-
-def pose_sigma_m(
-    panorama: Panorama, grid: FacadeGrid, position_sigma_m: float, direction_sigma_deg: float
-) -> float:
-    """How far a pose error moves the view at the middle of the facade, standard deviation in m."""
-    middle = np.array([grid.width_px / 2, grid.height_px / 2])
-    distance_m, cosine = view_distances(panorama, grid, middle)
-    turn_m = distance_m * np.deg2rad(direction_sigma_deg)
-    return float(np.hypot(position_sigma_m, turn_m) / max(float(cosine), 0.1))

@@ -93,11 +93,8 @@ def run_street(
     with timed("S.1 collect"):
         inputs = steps.collect(panoramas, footprints, config, circle=circle, columns=columns)
         detector = OnnxDetector()
-        steps.claim(
-            workspace,
-            steps.run_key(inputs, config, detector.sha256, si3fp.__version__),
-            overwrite,
-        )
+        key = steps.run_key(inputs, config, detector.sha256, si3fp.__version__)
+        steps.claim(workspace, key, overwrite)
     with timed("S.2 cluster"):
         clusters = cluster_walls(
             tuple(inputs.panoramas.values()), inputs.footprints, config.cluster
@@ -121,13 +118,14 @@ def run_street(
             inputs, found, missing, config.cluster.default_height_m, workspace, config
         )
     about = {
+        "key": key,
         "started": started.isoformat(timespec="seconds"),
         "finished": datetime.now(UTC).isoformat(timespec="seconds"),
         "seconds": {step: round(value, 2) for step, value in seconds.items()},
         "detector": {"name": detector.name, "sha256": detector.sha256},
         "config": config.as_dict(),
     }
-    steps.write_run(workspace, inputs, clusters, missing, rows, about)
+    steps.write_run(workspace, inputs, plans, clusters.unassigned, missing, rows, about)
     if not found:
         reasons = "; ".join(f"{row.facade_id}: {row.reason}" for row in missing[:5])
         raise ReconstructionError(

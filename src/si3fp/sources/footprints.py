@@ -11,7 +11,7 @@ import numpy as np
 import pyproj
 import shapely
 import shapely.geometry
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
 
 from si3fp.errors import InputError
 from si3fp.geometry.enu import GeoOrigin, world_from_geodetic
@@ -79,10 +79,12 @@ class _Row(BaseModel):
 
     @field_validator("*", mode="before")
     @classmethod
-    def _blank_is_absent(cls, value: Any) -> Any:
+    def _blank_is_absent(cls, value: Any, info: ValidationInfo) -> Any:
         if isinstance(value, str):
-            return value.strip() or None
-        return value
+            value = value.strip()
+        # A register writes 0 where it does not know; the ground may lie at 0.
+        unknown = ("", 0, "0") if info.field_name in ("height_m", "storeys", "year") else ("",)
+        return None if value in unknown else value
 
 
 def read_footprints(path: Path, columns: Mapping[str, str] | None = None) -> list[FootprintRecord]:

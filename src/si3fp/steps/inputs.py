@@ -133,18 +133,23 @@ def claim(workspace: Workspace, key: str, overwrite: bool) -> None:
     Raises
     ------
     InputError
-        If it holds a run of other inputs or settings and ``overwrite`` is not set.
+        If it holds a run of other inputs or settings and ``overwrite`` is not set, or files that
+        no run wrote.
     """
-    held = None
+    held = ""
     if workspace.root.exists() and not workspace.root.is_dir():
         raise InputError(f"{workspace.root} is a file; give a folder for the run with -o.")
-    if workspace.key.exists():
-        held = read_json(workspace.key)["key"]
-    elif workspace.root.exists() and any(workspace.root.iterdir()):
-        held = "files that are not of this run"
+    for file in (workspace.key, workspace.run_json):  # the cache may have been deleted
+        if not held and file.exists():
+            held = str(read_json(file).get("key", ""))
+    if not held and workspace.root.exists() and any(workspace.root.iterdir()):
+        raise InputError(
+            f"{workspace.root} holds files that are not of a run of si3fp; choose another folder "
+            "with -o. They are never replaced."
+        )
     if overwrite:
         workspace.clear()
-    elif held not in (None, key):
+    elif held not in ("", key):
         raise InputError(
             f"{workspace.root} holds a run of other inputs, settings or another version. Choose "
             "another folder with -o, or replace it with --overwrite."

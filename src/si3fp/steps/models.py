@@ -16,7 +16,8 @@ from si3fp.records import (
     rounded,
 )
 from si3fp.steps.inputs import StreetInputs
-from si3fp.streetview.cluster import WallClusters
+from si3fp.streetview.assign import Unassigned
+from si3fp.streetview.views import ViewPlan
 from si3fp.thermal.archetypes import Archetype, archetype
 from si3fp.thermal.assemble import assemble
 from si3fp.thermal.building import make_building
@@ -24,6 +25,7 @@ from si3fp.thermal.energyplus import SimulationResult, simulate
 from si3fp.workspace import (
     Workspace,
     dump_json,
+    sha256_of,
     write_text,
 )
 
@@ -79,7 +81,8 @@ def _building_row(building: Building, kind: Archetype, notes: Sequence[str]) -> 
 def write_run(
     workspace: Workspace,
     inputs: StreetInputs,
-    clusters: WallClusters,
+    plans: Sequence[ViewPlan],
+    unassigned: Sequence[Unassigned],
     missing: Sequence[Missing],
     buildings: Sequence[dict[str, Any]],
     about: Mapping[str, Any],
@@ -94,7 +97,7 @@ def write_run(
                 "id": panorama.id,
                 "captured": panorama.captured,
                 "position_in_world": rounded(panorama.centre_in_world, 3),
-                "used": any(panorama.id in wall.panorama_ids for wall in clusters.walls),
+                "used": any(panorama.id in plan.panorama_ids for plan in plans),
             }
             for panorama in inputs.panoramas.values()
         ],
@@ -118,7 +121,7 @@ def write_run(
                 "nearest": plane.nearest,
                 "reason": plane.reason,
             }
-            for plane in clusters.unassigned
+            for plane in unassigned
         ],
         "notes": list(inputs.notes),
     }
@@ -135,5 +138,8 @@ def simulate_run(
             f"{workspace.root}` first."
         )
     result = simulate(workspace.model, epw, workspace.simulation, progress=say)
-    workspace.write_json(workspace.simulation_result, "simulation", result.as_dict())
+    inputs = {"model": sha256_of(workspace.model), "weather": sha256_of(epw)}
+    workspace.write_json(
+        workspace.simulation_result, "simulation", {"inputs": inputs, **result.as_dict()}
+    )
     return result

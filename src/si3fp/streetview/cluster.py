@@ -13,7 +13,7 @@ from si3fp.errors import ReconstructionError
 from si3fp.geometry.rigid import FloatArray, Rigid3
 from si3fp.model import Footprint, Missing, Panorama
 from si3fp.streetview.assign import Unassigned, assign_to_edges, group_without_footprints
-from si3fp.streetview.visibility import Sight, footprint_edges, visible_walls
+from si3fp.streetview.visibility import Sight, footprint_edges, goes_on, visible_walls
 from si3fp.streetview.wall_fit import Line, WallFit, fit_wall
 from si3fp.streetview.wall_planes import (
     Ground,
@@ -86,6 +86,8 @@ class Wall:
         How well the planes agree with one another and with the edge.
     notes
         In words: where plane, ground and height come from.
+    goes_on
+        Whether another wall of the map continues it beyond its left and right end.
     """
 
     facade_id: str
@@ -99,6 +101,7 @@ class Wall:
     fit: WallFit
     notes: tuple[str, ...] = ()
     height_is_assumed: bool = False
+    goes_on: tuple[bool, bool] = (False, False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,6 +180,7 @@ def cluster_walls(
                 wall,
                 edge_index=index,
                 panorama_ids=tuple(pano for pano in order if pano in seen_by),
+                goes_on=goes_on(facade_id, edges) if footprints else (False, False),
             )
         )
     return WallClusters(tuple(walls), tuple(unassigned), tuple(missing))

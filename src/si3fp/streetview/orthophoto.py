@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -111,7 +111,7 @@ def crop_to_facade(
     FacadeError
         If no borders can be found.
     """
-    box = find_facade_box(moved, plan.grid, _prior(plan), config, rng)
+    box = _at_shared_corners(find_facade_box(moved, plan.grid, _prior(plan), config, rng), plan)
     left, bottom = plan.grid.pixels_from_facade([box.left_m, box.bottom_m]).round().astype(int)
     right, top = plan.grid.pixels_from_facade([box.right_m, box.top_m]).round().astype(int)
     left, top = max(left, 0), max(top, 0)
@@ -128,6 +128,23 @@ def crop_to_facade(
             for view in cropped
         },
     )
+
+
+def _at_shared_corners(box: FacadeBox, plan: ViewPlan) -> FacadeBox:
+    """The box with its ends at the footprint's corners where the wall goes on beyond them."""
+    ends = {"left": plan.margin_m, "right": plan.margin_m + plan.wall.width_m}
+    for side, (name, place_m) in enumerate(ends.items()):
+        if plan.wall.goes_on[side]:
+            evidence = tuple("footprint" if k == side else e for k, e in enumerate(box.evidence))
+            note = f"{name} side from the footprint: the wall goes on beyond it"
+            box = replace(
+                box,
+                left_m=place_m if name == "left" else box.left_m,
+                right_m=place_m if name == "right" else box.right_m,
+                evidence=evidence,
+                notes=(*(n for n in box.notes if not n.startswith(f"{name} side")), note),
+            )
+    return box
 
 
 def _prior(plan: ViewPlan) -> PriorBox:

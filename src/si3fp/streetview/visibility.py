@@ -17,6 +17,9 @@ Sight = Literal["seen", "far", "behind", "oblique", "hidden"]
 SAMPLES = 5
 """Points of a wall to which rays are cast; one free ray is enough to see it."""
 
+SAME_WAY = float(np.cos(np.deg2rad(10.0)))
+TOUCHING_M = 0.5
+
 STANDOFF_M = 0.1
 """Rays end this far in front of the wall, so that the wall itself does not hide it."""
 
@@ -84,3 +87,19 @@ def _segments_cross(
     splits_wall = side(camera, goal, start) * side(camera, goal, end) < 0
     splits_ray = side(start, end, camera[None, None]) * side(start, end, goal) < 0
     return np.asarray(splits_wall & splits_ray)
+
+
+def goes_on(wall_id: str, walls: Mapping[str, Line]) -> tuple[bool, bool]:
+    """Whether another wall continues this one beyond its left and its right end.
+
+    Terraces and split edges: nothing on the facade need show where one wall ends, only the map
+    does. A wall continues another if it faces the same way and starts where that one ends.
+    """
+    wall = walls[wall_id]
+    ends = {"left": False, "right": False}
+    for other_id, other in walls.items():
+        if other_id == wall_id or float(other.outward @ wall.outward) < SAME_WAY:
+            continue
+        ends["left"] |= bool(np.hypot(*(other.right_in_world - wall.left_in_world)) < TOUCHING_M)
+        ends["right"] |= bool(np.hypot(*(other.left_in_world - wall.right_in_world)) < TOUCHING_M)
+    return ends["left"], ends["right"]

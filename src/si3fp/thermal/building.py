@@ -26,8 +26,9 @@ def make_building(
 ) -> tuple[Building, tuple[str, ...]]:
     """The building, and notes on what its ground, height and storeys rest on.
 
-    The eaves of the facades found decide the height, weighted by their width; without facades the
-    footprint's height does, and without that the default.
+    The eaves of the facades found decide the height: their median, weighted by width, so that a
+    blank gable whose eaves no line shows does not pull it. Without facades the footprint's height
+    does, and without that the default.
     """
     notes = []
     widths = [facade.width_m for facade in facades]
@@ -42,7 +43,7 @@ def make_building(
         notes.append("ground assumed at the origin's height")
     if facades:
         tops = [z + facade.height_m for z, facade in zip(bottoms, facades, strict=True)]
-        height_m = float(np.average(tops, weights=widths)) - base_z_m
+        height_m = _weighted_median(tops, widths) - base_z_m
         notes.append(f"height {height_m:.2f} m from the eaves of {len(facades)} facades")
     elif footprint.height_m is not None:
         height_m = footprint.height_m
@@ -73,6 +74,12 @@ def make_building(
         use=footprint.use,
     )
     return building, tuple(notes)
+
+
+def _weighted_median(values: Sequence[float], weights: Sequence[float]) -> float:
+    order = np.argsort(values, kind="stable")
+    share = np.cumsum(np.asarray(weights)[order]) / np.sum(weights)
+    return float(np.asarray(values)[order][np.searchsorted(share, 0.5)])
 
 
 def storeys_from_rows(

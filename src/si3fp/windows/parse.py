@@ -66,7 +66,11 @@ def parse_facade(
     best = sorted(views.views, key=lambda view: -view.valid.mean())[: fusion.max_views]
     per_view = {view.source: detector.detect(view, grid.m_per_px) for view in best}
     on_fused = detector.detect(fused, grid.m_per_px)
-    agreed = fuse_views({name: of_label(found) for name, found in per_view.items()}, fusion)
+    agreed = fuse_views(
+        {name: of_label(found) for name, found in per_view.items()},
+        fusion,
+        {view.source: view.valid for view in best},
+    )
     threshold = detector.thresholds["window"]
     together = combine(agreed, of_label(on_fused), views.views, threshold, fusion)
     refined = refine_boxes(together, fused, grid.m_per_px, measure)
