@@ -9,7 +9,7 @@ from si3fp.report.map_layer import compass_bearing_deg
 from si3fp.report.markup import counted, is_number
 from si3fp.report.records import Record, pose_of, records
 
-COMPASS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
+BEARINGS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 LABELS = {"window": ("window", "windows"), "balcony_door": ("balcony door", "balcony doors")}
 
 
@@ -19,7 +19,7 @@ def faces(facade: Record) -> str:
     if pose is None:
         return ""
     bearing_deg = compass_bearing_deg(pose.rotation[:, 2])
-    return f"faces {COMPASS[round(bearing_deg / 45) % 8]} ({bearing_deg:.0f}°)"
+    return f"faces {BEARINGS[round(bearing_deg / 45) % 8]} ({bearing_deg:.0f}°)"
 
 
 def counts_by_label(facades: list[Record], separator: str = ", ") -> str:
