@@ -37,7 +37,7 @@ Finds windows and balcony fences in orthographic facade pictures at 0.04 m/px.
   CC BY 4.0: 429 pictures for training, 65 for validation; changed: polygons turned into boxes,
   balcony fences into `balcony`, pictures rectified and scaled.
 * **SPB facades**, CC0 1.0: 363 pictures for training, 49 for validation.
-* **CMP facade base** (Tylecek and Sara 2013), no licence stated: measured once at the end, never
+* **CMP facade base** (Tylecek and Sara 2013), no licence stated: measured only, never
   trained or tuned on.
 
 The weights are published under Apache-2.0 with the attribution above.
