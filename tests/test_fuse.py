@@ -114,6 +114,15 @@ def test_both_sources_make_one_window():
     assert both.detections.scores[0] == pytest.approx(0.6)
 
 
+def test_sides_are_those_of_the_views_unless_they_saw_another_box():
+    views = [view("a"), view("b")]
+    rows = agreed((10, 10, 30, 40, 0.5))
+    close = combine(rows, found((11, 10, 31, 41, 0.6)), views, 0.4, PAPER)
+    assert close.detections.boxes_px.tolist() == [[10, 10, 30, 40]]
+    double = combine(rows, found((10, 10, 50, 40, 0.6)), views, 0.4, PAPER)
+    assert double.detections.boxes_px.tolist() == [[10, 10, 50, 40]]
+
+
 def test_the_fused_image_alone_needs_the_detectors_threshold():
     nothing = fuse_views({}, PAPER)
     views = [view("a"), view("b")]

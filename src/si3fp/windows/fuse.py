@@ -18,6 +18,7 @@ from si3fp.geometry.boxes import iou_matrix
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Detections, OrthoImage
 
+SAME_IOU = 0.7
 NESTED_SHARE = 0.8
 NESTED_SCORE = 0.7
 
@@ -117,7 +118,8 @@ def combine(
 
     Notes
     -----
-    A box that both found is that of the fused image, which is sharper and free of occluders
+    What is a window, the fused image tells better: it is sharp and free of what hides a part of one
+    view. Where its sides are, the median over the views does
     (docs/decisions/0004-views-or-fused-image.md, with the measurement). A box of the fused image
     alone needs the detector's own threshold; one of the views alone needs the mean score over all
     views that saw the place to reach it.
@@ -135,7 +137,9 @@ def combine(
             agreement = float(agreed.detections.scores[partner]) ** 2
             if max(score, agreement) < threshold:
                 continue
-            boxes.append(box)
+            # Views that see half a window, or two as one, only confirm it.
+            same = overlap[index, partner] >= SAME_IOU
+            boxes.append(agreed.detections.boxes_px[partner] if same else box)
             scores.append(max(score, agreement))
             names.append(agreed.views[partner])
             spreads.append(agreed.spread_px[partner])
