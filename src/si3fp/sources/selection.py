@@ -203,7 +203,7 @@ def _date_notes(
             f"most recent date with at least {config.min_panoramas}."
         ]
     dates = sorted({record.captured or "unknown" for record in candidates})
-    if not date:
+    if not date and len(dates) > 1:
         return [
             f"{name}: no single capture date has {config.min_panoramas} panoramas; all "
             f"{len(candidates)} are used ({', '.join(dates)})."
