@@ -230,8 +230,12 @@ class Workspace:
 
     def write_json(self, path: Path, schema: str, payload: dict[str, Any]) -> None:
         """Write a JSON with its schema and the package's version first."""
-        head = {"schema": f"si3fp/{schema}/{SCHEMA_VERSION}", "si3fp_version": si3fp.__version__}
-        write_text(path, dump_json({**head, **payload}))
+        write_text(path, dump_json({**stamp(schema), **payload}))
+
+
+def stamp(schema: str) -> dict[str, str]:
+    """Schema and version of the package: what every JSON of a run begins with."""
+    return {"schema": f"si3fp/{schema}/{SCHEMA_VERSION}", "si3fp_version": si3fp.__version__}
 
 
 def safe_name(name: str) -> str:

@@ -28,7 +28,7 @@ from si3fp.geometry.enu import GeoOrigin, geodetic_from_world
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Building, Facade, Missing, Window
 from si3fp.pipeline import StreetRun
-from si3fp.workspace import dump_json, write_text
+from si3fp.workspace import read_json
 
 Feature = dict[str, Any]
 
@@ -220,5 +220,7 @@ def _missing(missing: Missing, building: Building) -> Feature:
 def write_map_layer(run: StreetRun) -> Path:
     """Write ``RUN/windows.geojson``; its path."""
     layer = windows_geojson(run.buildings, run.origin, run.loose_facades)
-    write_text(run.workspace.windows_geojson, dump_json(layer))
+    known = read_json(run.workspace.run_json)
+    about = {"config": known["config"], "inputs": known["inputs"]}
+    run.workspace.write_json(run.workspace.windows_geojson, "windows-layer", {**about, **layer})
     return run.workspace.windows_geojson

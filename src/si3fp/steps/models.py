@@ -26,6 +26,7 @@ from si3fp.workspace import (
     Workspace,
     dump_json,
     sha256_of,
+    stamp,
     write_text,
 )
 
@@ -55,12 +56,19 @@ def build_models(
     if not buildings and not loose:
         return [], [], []
     whole = assemble(buildings, archetypes, config.thermal, loose, origin=inputs.origin)
-    write_text(workspace.model, dump_json(whole.hbjson))
+    about = {**stamp("model"), "config": config.as_dict(), "inputs": dict(inputs.hashes)}
+    write_text(workspace.model, dump_json(_stamped(whole.hbjson, about)))
     for building, row in zip(buildings, rows, strict=True):
         single = assemble([building], archetypes, config.thermal, neighbours=buildings)
-        write_text(workspace.building(building.id), dump_json(single.hbjson))
+        write_text(workspace.building(building.id), dump_json(_stamped(single.hbjson, about)))
         row["notes"] += single.notes
     return buildings, loose, rows
+
+
+def _stamped(hbjson: dict[str, Any], about: dict[str, Any]) -> dict[str, Any]:
+    """The model with what made it in its user data: honeybee's schema has no other place."""
+    user_data = hbjson["user_data"]
+    return {**hbjson, "user_data": {**user_data, "si3fp": {**about, **user_data["si3fp"]}}}
 
 
 def _building_row(building: Building, kind: Archetype, notes: Sequence[str]) -> dict[str, Any]:
