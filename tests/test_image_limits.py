@@ -14,9 +14,15 @@ from PIL import Image
 
 from si3fp.config import CollectConfig
 from si3fp.errors import InputError
-from si3fp.sources.images import image_size, load_panorama, read_header, seen_pixels
+from si3fp.sources.images import frame_of, load_panorama, read_header, seen_pixels
 
 LIMIT = CollectConfig().max_pixels
+
+
+def image_size(path, max_pixels):
+    """Size of the full frame as the limits see it: from the header, nothing is decoded."""
+    frame = frame_of(read_header(path), path, max_pixels)
+    return frame.full_width_px, frame.full_height_px
 
 
 def textured(width: int, height: int, seed: int = 0) -> NDArray[np.uint8]:

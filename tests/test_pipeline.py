@@ -102,7 +102,7 @@ def test_finished_steps_are_not_done_again(street, first, tmp_path, monkeypatch)
     def refuse(*_):
         raise AssertionError("decoded again")
 
-    monkeypatch.setattr(steps.rectified, "load_panorama", refuse)
+    monkeypatch.setattr(steps.rectified, "image_loader", lambda *_: refuse)
     monkeypatch.setattr(steps.facades, "align_views", refuse)
     go(street, out)
     assert files_of(out) == files_of(first.workspace.root)

@@ -24,6 +24,7 @@ from si3fp.sources.geojson import (
     read_feature_collection,
     require_lon_lat,
     require_numbers,
+    require_unique,
 )
 from si3fp.sources.geopackage import read_layer
 
@@ -125,13 +126,7 @@ def read_footprints(path: Path, columns: Mapping[str, str] | None = None) -> lis
     records: list[FootprintRecord] = []
     for number, feature in enumerate(features):
         records += _records_of_feature(feature, number, mapping, to_wgs84, path)
-    seen: set[str] = set()
-    for record in records:
-        if record.id in seen:
-            raise InputError(
-                f"{path}: the id {record.id!r} occurs twice; give every building its own."
-            )
-        seen.add(record.id)
+    require_unique([record.id for record in records], path, "building")
     return records
 
 

@@ -83,6 +83,17 @@ def require_numbers(position: Any, where: str) -> None:
         raise InputError(f"{where}: coordinates must be finite numbers, got {position!r}.")
 
 
+def require_unique(ids: Sequence[str], path: Path, what: str) -> None:
+    """Raise an InputError that names the first id that occurs twice."""
+    seen: set[str] = set()
+    for identifier in ids:
+        if identifier in seen:
+            raise InputError(
+                f"{path}: the id {identifier!r} occurs twice; give every {what} its own."
+            )
+        seen.add(identifier)
+
+
 def explain(error: ValidationError, model: type[BaseModel], where: str) -> InputError:
     """One sentence per wrong field: where, the field, the value got, what is expected."""
     sentences = []

@@ -120,18 +120,6 @@ def frame_of(header: ImageHeader, path: Path, max_pixels: int) -> PanoramaFrame:
     return frame
 
 
-def image_size(path: Path, max_pixels: int) -> tuple[int, int]:
-    """Width and height in pixels of a panorama's full 2:1 frame, from its header.
-
-    Raises
-    ------
-    InputError
-        As `read_header` and `frame_of`.
-    """
-    frame = frame_of(read_header(path), path, max_pixels)
-    return frame.full_width_px, frame.full_height_px
-
-
 def load_panorama(path: Path, max_pixels: int) -> Image:
     """RGB pixels (H, W, 3) uint8 of the full 2:1 frame, black where a crop shows nothing.
 

@@ -22,6 +22,7 @@ from si3fp.sources.geojson import (
     is_wgs84,
     read_feature_collection,
     require_lon_lat,
+    require_unique,
 )
 from si3fp.sources.images import frame_of, load_panorama, read_header
 from si3fp.sources.photo_sphere import photo_sphere_row
@@ -129,13 +130,7 @@ def read_panorama_records(
         records = _records_of_folder(path, max_pixels)
     else:
         records = _records_of_geojson(path, max_pixels)
-    seen: set[str] = set()
-    for record in records:
-        if record.id in seen:
-            raise InputError(
-                f"{path}: the id {record.id!r} occurs twice; give every panorama its own."
-            )
-        seen.add(record.id)
+    require_unique([record.id for record in records], path, "panorama")
     return records
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from si3fp.config import CollectConfig
+from si3fp.config import ClusterConfig, CollectConfig
 from si3fp.errors import InputError
 from si3fp.geometry.enu import GeoOrigin, world_from_geodetic
 from si3fp.geometry.rigid import FloatArray
@@ -21,7 +21,7 @@ from si3fp.model import Footprint
 from si3fp.sources.footprints import FootprintRecord
 from si3fp.sources.local import PanoramaRecord
 
-CAMERA_HEIGHT_M = 2.5
+CAMERA_HEIGHT_M = ClusterConfig().camera_height_m
 """Typical height of a mapping vehicle's camera: the ground where no footprint gives it."""
 
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from si3fp.config import StreetConfig
 from si3fp.model import Missing
-from si3fp.sources.images import load_panorama, seen_pixels
+from si3fp.sources.images import seen_pixels
+from si3fp.sources.local import image_loader
 from si3fp.steps.inputs import StreetInputs
 from si3fp.streetview.cloud import cloud_stride, coloured_points, ply_bytes
 from si3fp.streetview.cluster import WallClusters
@@ -64,13 +65,15 @@ def make_views(
     """Algorithms 1 and 3: every view as a file; each panorama is decoded once, for all walls."""
     stride = cloud_stride(list(inputs.panoramas.values()), config.cluster)
 
+    load = image_loader(list(inputs.records.values()), config.collect.max_pixels)
+
     def work(name: str) -> None:
         mine = [p for p in plans if name in p.panorama_ids]
         todo = [p for p in mine if not workspace.raw_view(p.wall.facade_id, name).exists()]
         points_file = workspace.points(name)
         if not todo and points_file.exists():
             return
-        image = load_panorama(inputs.records[name].image, config.collect.max_pixels)
+        image = load(name)
         panorama = inputs.panoramas[name]
         if todo:
             seen = seen_pixels(image)

@@ -10,7 +10,7 @@ amount in all of them before it moves by its own evidence.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -34,13 +34,6 @@ EDGE_SLOPE = 6.0
 """Grey levels per pixel at which an edge counts half."""
 CORE_SHARE = 0.2
 """Share of the size that is left out on each side where the inside's colours are learnt."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Evidence:
-    """Score of every offset of the four sides (4, K) of one box; larger is better."""
-
-    scores: FloatArray
 
 
 def refine_boxes(
