@@ -43,15 +43,14 @@ def plan(
         made = plan_views(replace(wall, panorama_ids=names), inputs.panoramas, widths, config.ortho)
         if made.panorama_ids:
             plans.append(made)
-        else:
-            missing.append(
-                Missing(
-                    wall.facade_id,
-                    "coverage",
-                    f"{len(names)} panoramas see it, but all more obliquely than "
-                    f"{config.ortho.max_obliqueness_deg:g} degrees",
-                )
+            continue
+        reason = "no panorama of the chosen capture date sees it"
+        if names:
+            reason = (
+                f"all panoramas that see it ({len(names)}) do so at more than "
+                f"{config.ortho.max_obliqueness_deg:g} degrees to its normal"
             )
+        missing.append(Missing(wall.facade_id, "coverage", reason))
     return plans, missing
 
 
@@ -62,16 +61,23 @@ def make_views(
     config: StreetConfig,
     progress: Progress,
 ) -> None:
-    """Algorithms 1 and 3: every view as a file; each panorama is decoded once, for all walls."""
-    stride = cloud_stride(list(inputs.panoramas.values()), config.cluster)
+    """Algorithms 1 and 3: every view as a file; each panorama is decoded once, for all walls.
 
+    Facades that are finished, and a cloud that is written, need no views and points any more.
+    """
+    stride = cloud_stride(list(inputs.panoramas.values()), config.cluster)
+    open_plans = [
+        p for p in plans if not workspace.facade(p.wall.facade_id, "facade.json").exists()
+    ]
+    has_cloud = workspace.cloud.exists()
     load = image_loader(list(inputs.records.values()), config.collect.max_pixels)
 
     def work(name: str) -> None:
-        mine = [p for p in plans if name in p.panorama_ids]
+        mine = [p for p in open_plans if name in p.panorama_ids]
         todo = [p for p in mine if not workspace.raw_view(p.wall.facade_id, name).exists()]
         points_file = workspace.points(name)
-        if not todo and points_file.exists():
+        needs_points = not (has_cloud or points_file.exists())
+        if not todo and not needs_points:
             return
         image = load(name)
         panorama = inputs.panoramas[name]
@@ -85,8 +91,9 @@ def make_views(
                 write_png(
                     workspace.raw_view(each.wall.facade_id, name), np.dstack([view.rgb, alpha])
                 )
-        points, colours = coloured_points(panorama, image, stride)
-        write_array(points_file, np.column_stack([points, colours]).astype(np.float32))
+        if needs_points:
+            points, colours = coloured_points(panorama, image, stride)
+            write_array(points_file, np.column_stack([points, colours]).astype(np.float32))
 
     names = list(inputs.panoramas)
     large = max(r.width_px * r.height_px for r in inputs.records.values()) > PARALLEL_PIXELS
@@ -97,7 +104,9 @@ def make_views(
 
 
 def write_cloud(inputs: StreetInputs, workspace: Workspace) -> None:
-    """The paper's coloured points of all panoramas as ``cloud.ply``."""
+    """The paper's coloured points of all panoramas as ``cloud.ply``, unless it is there."""
+    if workspace.cloud.exists():
+        return
     parts = [read_array(workspace.points(name)) for name in inputs.panoramas]
     points = np.concatenate(parts)
     write_bytes(
