@@ -41,3 +41,18 @@ def side_loss(distances: Tensor, sides: Tensor, weight: Tensor) -> tuple[Tensor,
     relative = ((got - want).abs() / extent).clamp(max=2.0).mean(dim=1)
     total = scale.sum()
     return ((1 - giou) * scale).sum() / total, (relative * scale).sum() / total
+
+
+def spread_loss(distances: Tensor, spreads: Tensor, sides: Tensor, weight: Tensor) -> Tensor:
+    """Negative log-likelihood of the sides under Laplace distributions around the found ones.
+
+    All (N, 4, h, w) px, ``weight`` (N, h, w). Moves the spreads only, never the distances.
+    """
+    chosen = weight > 0
+    if not chosen.any():
+        return spreads.sum() * 0.0
+    scale = weight[chosen][:, None]
+    error = (distances.detach() - sides).abs().permute(0, 2, 3, 1)[chosen]
+    b = spreads.permute(0, 2, 3, 1)[chosen]
+    likelihood: Tensor = ((error / b + torch.log(b)) * scale).sum() / (4 * scale.sum())
+    return likelihood

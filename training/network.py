@@ -1,4 +1,4 @@
-"""The detector: a small residual backbone, a feature pyramid to stride 4 and two heads."""
+"""The detector: a backbone, a feature pyramid to stride 4 and two heads."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import torch
 from torch import Tensor, nn
 
-STRIDE = 4
+from training.backbone import EfficientNetLite
 
 
 def conv(inputs: int, outputs: int, kernel: int = 3, stride: int = 1) -> nn.Sequential:
@@ -34,21 +34,16 @@ class Residual(nn.Module):
         return torch.relu(x + self.second(self.first(x)))
 
 
-class Detector(nn.Module):
-    """Images (N, 3, H, W), RGB 0..255, H and W multiples of 32, to logits and distances.
-
-    Out come ``logits`` (N, 2, H/4, W/4) and ``distances`` (N, 4, H/4, W/4): left, top, right,
-    bottom in pixels from the centre of the cell, x = 4 (column + 0.5), y = 4 (row + 0.5).
-    """
+class SmallResidual(nn.Module):
+    """Plain residual backbone, trained from scratch: strides 4, 8, 16 and 32."""
 
     def __init__(
         self,
         widths: tuple[int, ...] = (48, 80, 144, 200),
         blocks: tuple[int, ...] = (2, 3, 3, 2),
-        neck: int = 64,
-        classes: int = 2,
     ) -> None:
         super().__init__()
+        self.widths = list(widths)
         self.stem = conv(3, 24, 3, 2)
         stages, before = [], 24
         for width, count in zip(widths, blocks, strict=True):
@@ -57,30 +52,60 @@ class Detector(nn.Module):
             )
             before = width
         self.stages = nn.ModuleList(stages)
-        self.laterals = nn.ModuleList(conv(width, neck, 1) for width in widths)
-        self.smooth = nn.ModuleList(conv(neck, neck) for _ in widths[:-1])
-        self.score_tower = nn.Sequential(conv(neck, neck), conv(neck, neck))
-        self.side_tower = nn.Sequential(conv(neck, neck), conv(neck, neck))
-        self.score = nn.Conv2d(neck, classes, 3, 1, 1)
-        self.side = nn.Conv2d(neck, 4, 3, 1, 1)
-        nn.init.normal_(self.score.weight, std=0.01)
-        nn.init.constant_(self.score.bias, -math.log((1 - 0.02) / 0.02))
-        nn.init.normal_(self.side.weight, std=0.01)
-        nn.init.constant_(self.side.bias, math.log(15.0 / 8.0))
 
-    def forward(self, image: Tensor) -> tuple[Tensor, Tensor]:
+    def freeze(self) -> None:
+        """Nothing to keep: all of it learns."""
+
+    def forward(self, image: Tensor) -> list[Tensor]:
         x = self.stem((image - 118.0) / 60.0)
         features = []
         for stage in self.stages:
             x = stage(x)
             features.append(x)
+        return features
+
+
+class Detector(nn.Module):
+    """Images (N, 3, H, W), RGB 0..255, H and W multiples of 32, to three maps of stride 4.
+
+    ``logits`` (N, 2, H/4, W/4); ``distances`` (N, 4, H/4, W/4): left, top, right, bottom in pixels
+    from the centre of the cell, x = 4 (column + 0.5), y = 4 (row + 0.5); ``spreads`` of the same
+    shape: the scale b of a Laplace distribution of each distance, in pixels.
+
+    Parameters
+    ----------
+    backbone
+        ``scratch``, or an EfficientNet-Lite by name (its weights are loaded elsewhere).
+    """
+
+    def __init__(self, backbone: str = "lite0", neck: int = 64, classes: int = 2) -> None:
+        super().__init__()
+        self.backbone = SmallResidual() if backbone == "scratch" else EfficientNetLite(backbone)
+        self.laterals = nn.ModuleList(conv(width, neck, 1) for width in self.backbone.widths)
+        self.smooth = nn.ModuleList(conv(neck, neck) for _ in self.backbone.widths[:-1])
+        self.score_tower = nn.Sequential(conv(neck, neck), conv(neck, neck))
+        self.side_tower = nn.Sequential(conv(neck, neck), conv(neck, neck))
+        self.score = nn.Conv2d(neck, classes, 3, 1, 1)
+        self.side = nn.Conv2d(neck, 4, 3, 1, 1)
+        self.spread = nn.Conv2d(neck, 4, 3, 1, 1)
+        nn.init.normal_(self.score.weight, std=0.01)
+        nn.init.constant_(self.score.bias, -math.log((1 - 0.02) / 0.02))
+        for layer, size in ((self.side, 15.0), (self.spread, 3.0)):
+            nn.init.normal_(layer.weight, std=0.01)
+            nn.init.constant_(layer.bias, math.log(size / 8.0))
+
+    def forward(self, image: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        features = self.backbone(image)
         top = self.laterals[-1](features[-1])
         for k in range(len(features) - 2, -1, -1):
             top = nn.functional.interpolate(top, scale_factor=2.0, mode="nearest")
             top = self.smooth[k](top + self.laterals[k](features[k]))
         logits = self.score(self.score_tower(top)).float()
-        distances = 8.0 * torch.exp(self.side(self.side_tower(top)).float().clamp(-4.0, 4.5))
-        return logits, distances
+        sides = self.side_tower(top)
+        distances = 8.0 * torch.exp(self.side(sides).float().clamp(-4.0, 4.5))
+        # What is unsure about a side must not pull on the side itself.
+        spreads = 8.0 * torch.exp(self.spread(sides.detach()).float().clamp(-5.0, 3.0))
+        return logits, distances, spreads
 
 
 class Exported(nn.Module):
@@ -90,9 +115,9 @@ class Exported(nn.Module):
         super().__init__()
         self.detector = detector
 
-    def forward(self, image: Tensor) -> tuple[Tensor, Tensor]:
-        logits, distances = self.detector(image)
-        return torch.sigmoid(logits), distances
+    def forward(self, image: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        logits, distances, spreads = self.detector(image)
+        return torch.sigmoid(logits), distances, spreads
 
 
 def parameter_count(model: nn.Module) -> int:

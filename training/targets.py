@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from training.data import IGNORE
-from training.network import STRIDE
+
+STRIDE = 4
+"""Pixels of the picture per cell of the maps."""
 
 
 def encode(

@@ -14,9 +14,10 @@ import numpy as np
 import torch
 import torch.distributed as dist
 
+from training.backbone import EfficientNetLite, load_published, published_weights
 from training.data import data_folder, read_training, read_validation
 from training.loader import batches
-from training.losses import centre_loss, side_loss
+from training.losses import centre_loss, side_loss, spread_loss
 from training.measure import Predict, all_views, evaluate
 from training.network import Detector
 
@@ -41,7 +42,7 @@ def step_losses(
     """Losses of one batch: total, centre, giou, side (scalars)."""
     image = batch["image"].float().contiguous(memory_format=torch.channels_last)
     with torch.autocast("cpu", torch.bfloat16, enabled=half):
-        logits, distances = model(image)
+        logits, distances, spreads = model(image)
     weight = batch["active"] * batch["care"][:, None]
     negative = batch["negative"][:, None].expand_as(logits)
     if progress > 0.25:
@@ -50,7 +51,9 @@ def step_losses(
         negative = torch.where(doubtful, 0.0, negative)
     centre = centre_loss(logits, batch["heat"], weight, negative)
     giou, side = side_loss(distances, batch["sides"], batch["side_weight"])
-    return {"total": centre + 2.0 * giou + 2.0 * side, "centre": centre, "giou": giou, "side": side}
+    spread = spread_loss(distances, spreads, batch["sides"], batch["side_weight"])
+    total = centre + 2.0 * giou + 2.0 * side + 0.2 * spread
+    return {"total": total, "centre": centre, "giou": giou, "side": side, "spread": spread}
 
 
 def predictor(model: Detector) -> Predict:
@@ -59,7 +62,7 @@ def predictor(model: Detector) -> Predict:
     def predict(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         batch = torch.from_numpy(image.transpose(2, 0, 1)[None].astype(np.float32))
         with torch.no_grad():
-            logits, distances = model(batch.contiguous(memory_format=torch.channels_last))
+            logits, distances, _ = model(batch.contiguous(memory_format=torch.channels_last))
         return torch.sigmoid(logits)[0].numpy(), distances[0].numpy()
 
     return predict
@@ -111,11 +114,15 @@ class Run:
 
     def __init__(self, options: argparse.Namespace) -> None:
         self.out: Path = options.out
-        self.model = Detector().to(memory_format=torch.channels_last)
-        self.mean = Detector().to(memory_format=torch.channels_last).eval()
+        self.model = Detector(options.backbone).to(memory_format=torch.channels_last)
+        self.mean = Detector(options.backbone).to(memory_format=torch.channels_last).eval()
+        if isinstance(self.model.backbone, EfficientNetLite):
+            load_published(self.model.backbone, published_weights(options.backbone))
         self.mean.load_state_dict(self.model.state_dict())
-        decayed = [p for p in self.model.parameters() if p.ndim > 1]
-        plain = [p for p in self.model.parameters() if p.ndim <= 1]
+        self.model.backbone.freeze()
+        learning = [p for p in self.model.parameters() if p.requires_grad]
+        decayed = [p for p in learning if p.ndim > 1]
+        plain = [p for p in learning if p.ndim <= 1]
         groups = [
             {"params": decayed, "weight_decay": 0.03},
             {"params": plain, "weight_decay": 0.0},
@@ -148,6 +155,7 @@ class Run:
         for group in self.optimiser.param_groups:
             group["lr"] = rate(self.elapsed / budget, peak)
         self.model.train()
+        self.model.backbone.freeze()
         losses = step_losses(self.model, batch, self.elapsed / budget)
         self.optimiser.zero_grad(set_to_none=True)
         losses["total"].backward()
@@ -234,6 +242,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="checkpoints and logs")
     parser.add_argument("--minutes", type=float, default=65.0, help="wall-clock budget")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--backbone", default="lite0", help="scratch, lite0, lite1 or lite2")
     parser.add_argument("--resume", action="store_true", help="go on from the last checkpoint")
     parser.add_argument("--size", type=int, default=320, help="side of the crops, px")
     parser.add_argument("--batch", type=int, default=12)
