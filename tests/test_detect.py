@@ -41,6 +41,7 @@ class PaintedSession:
 def painted(monkeypatch):
     detector = OnnxDetector()
     monkeypatch.setattr(detector, "_session", PaintedSession())
+    monkeypatch.setattr(detector, "_outputs", ["scores", "distances"])
     return detector
 
 
@@ -92,11 +93,21 @@ def test_decode_by_hand():
     scores = np.zeros((2, 5, 6), np.float32)
     scores[0, 1, 2], scores[0, 1, 3], scores[1, 4, 5] = 0.8, 0.7, 0.5
     distances = np.tile(np.array([1, 2, 3, 4], np.float32)[:, None, None], (1, 5, 6))
-    boxes, values, labels = decode(scores, distances)
+    found = decode(scores, distances, 10 * distances, ("window", "balcony"))
     # Cell (row 1, column 2) is centred at x = 10, y = 6; its weaker neighbour is no maximum.
-    assert boxes.tolist() == [[9, 4, 13, 10], [21, 16, 25, 22]]
-    assert values.tolist() == pytest.approx([0.8, 0.5])
-    assert labels.tolist() == [0, 1]
+    assert found.boxes_px.tolist() == [[9, 4, 13, 10], [21, 16, 25, 22]]
+    assert found.scores.tolist() == pytest.approx([0.8, 0.5])
+    assert found.labels.tolist() == ["window", "balcony"]
+    # A Laplace distribution of scale b has the variance 2 b^2.
+    assert np.allclose(found.edge_sigma_px**2, 2 * np.array([10.0, 20, 30, 40]) ** 2)
+    assert not decode(scores, distances, None, ("window", "balcony")).edge_sigma_px.any()
+
+
+def test_scores_leave_as_the_probabilities_of_the_calibration(painted, monkeypatch):
+    monkeypatch.setattr(painted, "_calibration", {"window": [[0.0, 0.8, 1.0], [0.0, 0.4, 0.6]]})
+    rgb = np.zeros((96, 96, 3), np.uint8)
+    rgb[20:60, 30:70] = [255, 0, 0]
+    assert painted.detect(ortho(rgb), painted.m_per_px).scores == pytest.approx([0.5])
 
 
 def test_iou_by_hand():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -170,20 +170,31 @@ class Detections:
         (N,) in [0, 1].
     labels
         (N,) strings.
+    edge_sigma_px
+        (N, 4) standard deviation of x0, y0, x1 and y1; 0 where unknown, and for all if left out.
     """
 
     boxes_px: FloatArray
     scores: FloatArray
     labels: NDArray[np.str_]
+    edge_sigma_px: FloatArray = field(default_factory=lambda: np.zeros((0, 4)))
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "boxes_px", np.asarray(self.boxes_px, np.float64).reshape(-1, 4))
+        boxes = np.asarray(self.boxes_px, np.float64).reshape(-1, 4)
+        sigma = np.asarray(self.edge_sigma_px, np.float64).reshape(-1, 4)
+        object.__setattr__(self, "boxes_px", boxes)
         object.__setattr__(self, "scores", np.asarray(self.scores, np.float64).reshape(-1))
         object.__setattr__(self, "labels", np.asarray(self.labels, np.str_).reshape(-1))
+        object.__setattr__(self, "edge_sigma_px", sigma if len(sigma) else np.zeros_like(boxes))
         _require(
             len(self.boxes_px) == len(self.scores) == len(self.labels),
             f"Detections differ in length: {len(self.boxes_px)} boxes, {len(self.scores)} scores, "
             f"{len(self.labels)} labels.",
+        )
+        _require(
+            self.edge_sigma_px.shape == self.boxes_px.shape,
+            f"Detections differ in length: {len(self.boxes_px)} boxes, {len(self.edge_sigma_px)} "
+            "standard deviations.",
         )
 
     def __len__(self) -> int:
@@ -191,7 +202,9 @@ class Detections:
 
     def select(self, index: NDArray[np.bool_] | NDArray[np.int_]) -> Detections:
         """The detections at a boolean mask or integer index, in its order."""
-        return Detections(self.boxes_px[index], self.scores[index], self.labels[index])
+        return Detections(
+            self.boxes_px[index], self.scores[index], self.labels[index], self.edge_sigma_px[index]
+        )
 
 
 @dataclass(frozen=True, slots=True)

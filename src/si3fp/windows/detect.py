@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any, Protocol
@@ -28,6 +29,8 @@ TILE_PX = 640
 OVERLAP_PX = 160
 NMS_IOU = 0.5
 LOWEST_SCORE = 0.05
+LAPLACE_SIGMA = 2.0**0.5
+"""Standard deviation of a Laplace distribution of scale 1."""
 
 
 class WindowDetector(Protocol):
@@ -46,8 +49,10 @@ class WindowDetector(Protocol):
 class OnnxDetector:
     """An anchor-free network run by ONNX Runtime.
 
-    Input ``image`` (N, 3, H, W) RGB 0..255; outputs ``scores`` (N, L, H/4, W/4) and
-    ``distances`` (N, 4, H/4, W/4) from the cell's centre to left, top, right and bottom in pixels.
+    Input ``image`` (N, 3, H, W) RGB 0..255; outputs ``scores`` (N, L, H/4, W/4), ``distances``
+    (N, 4, H/4, W/4) from the cell's centre to left, top, right and bottom in pixels, and, where the
+    network knows, ``spreads`` of their shape: the scale of a Laplace distribution of each.
+    Scores leave as probabilities, by the calibration that the description gives.
 
     Parameters
     ----------
@@ -81,11 +86,14 @@ class OnnxDetector:
         self.m_per_px = float(described["m_per_px"])
         self.labels: tuple[str, ...] = tuple(described["labels"])
         self._thresholds = {name: float(v) for name, v in described["score_thresholds"].items()}
+        self._calibration: dict[str, list[list[float]]] = described.get("calibration", {})
+        self._spread_factor = float(described.get("spread_factor", 1.0))
         options = onnxruntime.SessionOptions()
         options.log_severity_level = 3
         self._session = onnxruntime.InferenceSession(
             weights, options, providers=["CPUExecutionProvider"]
         )
+        self._outputs = [output.name for output in self._session.get_outputs()]
 
     @property
     def thresholds(self) -> Mapping[str, float]:
@@ -108,28 +116,33 @@ class OnnxDetector:
         height, width = image.valid.shape
         # The scaled image has whole pixels, so its scale is not exactly the one that was asked.
         per_pixel = np.array([width / pixels.shape[1], height / pixels.shape[0]] * 2)
-        boxes = np.concatenate([part[0] for part in found]) * per_pixel
-        scores = np.concatenate([part[1] for part in found])
-        labels = np.concatenate([part[2] for part in found])
-        boxes = np.clip(boxes, 0, [width, height, width, height])
-        order = np.argsort(-scores, kind="stable")
-        detections = Detections(boxes, scores, np.array(self.labels, np.str_)[labels]).select(order)
+        boxes = np.concatenate([part.boxes_px for part in found]) * per_pixel
+        detections = Detections(
+            np.clip(boxes, 0, [width, height, width, height]),
+            np.concatenate([part.scores for part in found]),
+            np.concatenate([part.labels for part in found]),
+            np.concatenate([part.edge_sigma_px for part in found]) * per_pixel,
+        )
+        detections = detections.select(np.argsort(-detections.scores, kind="stable"))
         return detections.select(_not_suppressed(detections))
 
-    def _detect_tile(
-        self, pixels: Image, rows: _Span, columns: _Span
-    ) -> tuple[FloatArray, FloatArray, NDArray[np.int_]]:
-        """Boxes (K, 4), scores and label indices of the objects centred in the tile's core."""
+    def _detect_tile(self, pixels: Image, rows: _Span, columns: _Span) -> Detections:
+        """What is centred in the tile's core, in pixels of the scaled image."""
         tile = pixels[rows.start : rows.stop, columns.start : columns.stop]
         bottom, right = -tile.shape[0] % 32, -tile.shape[1] % 32
         tile = np.pad(tile, ((0, bottom), (0, right), (0, 0)))
         batch = np.ascontiguousarray(tile.transpose(2, 0, 1)[None], dtype=np.float32)
-        scores, distances = self._session.run(["scores", "distances"], {"image": batch})
-        boxes, values, labels = decode(scores[0], distances[0])
-        boxes += np.array([columns.start, rows.start, columns.start, rows.start])
-        x, y = (boxes[:, 0] + boxes[:, 2]) / 2, (boxes[:, 1] + boxes[:, 3]) / 2
-        mine = columns.owns(x) & rows.owns(y)
-        return boxes[mine], values[mine], labels[mine]
+        maps = dict(zip(self._outputs, self._session.run(None, {"image": batch}), strict=True))
+        spreads = maps["spreads"][0] * self._spread_factor if "spreads" in maps else None
+        found = decode(maps["scores"][0], maps["distances"][0], spreads, self.labels)
+        scores = found.scores.copy()
+        for label, (raw, probability) in self._calibration.items():
+            mine = found.labels == label
+            scores[mine] = np.interp(scores[mine], raw, probability)
+        corner = np.array([columns.start, rows.start, columns.start, rows.start])
+        x, y = (found.boxes_px + corner).reshape(-1, 2, 2).mean(axis=1).T
+        moved = replace(found, boxes_px=found.boxes_px + corner, scores=scores)
+        return moved.select(columns.owns(x) & rows.owns(y))
 
 
 class _Span:
@@ -164,9 +177,12 @@ def _resized(rgb: Image, scale: float) -> Image:
 
 
 def decode(
-    scores: NDArray[np.float32], distances: NDArray[np.float32]
-) -> tuple[FloatArray, FloatArray, NDArray[np.int_]]:
-    """Boxes (K, 4) in pixels, scores (K,) and label indices (K,) at the local maxima.
+    scores: NDArray[np.float32],
+    distances: NDArray[np.float32],
+    spreads: NDArray[np.float32] | None,
+    labels: Sequence[str],
+) -> Detections:
+    """The local maxima of the score maps as boxes in pixels.
 
     Parameters
     ----------
@@ -174,17 +190,27 @@ def decode(
         (L, h, w) per label.
     distances
         (4, h, w) from the cell's centre to left, top, right, bottom in pixels.
+    spreads
+        (4, h, w) scales of Laplace distributions of the distances, or None.
+    labels
+        Names of the L labels.
     """
-    boxes, values, labels = [], [], []
-    for label, score in enumerate(scores):
+    rows, columns, kinds = [], [], []
+    for kind, score in enumerate(scores):
         peak = score >= cv2.dilate(score, np.ones((3, 3), np.uint8))
-        rows, columns = np.nonzero(peak & (score >= LOWEST_SCORE))
-        x, y = (columns + 0.5) * STRIDE_PX, (rows + 0.5) * STRIDE_PX
-        left, top, right, bottom = distances[:, rows, columns].astype(np.float64)
-        boxes.append(np.stack([x - left, y - top, x + right, y + bottom], axis=-1))
-        values.append(score[rows, columns].astype(np.float64))
-        labels.append(np.full(len(rows), label))
-    return np.concatenate(boxes), np.concatenate(values), np.concatenate(labels)
+        at = np.nonzero(peak & (score >= LOWEST_SCORE))
+        rows.append(at[0])
+        columns.append(at[1])
+        kinds.append(np.full(len(at[0]), kind))
+    row, column, kind_of = (np.concatenate(part) for part in (rows, columns, kinds))
+    x, y = (column + 0.5) * STRIDE_PX, (row + 0.5) * STRIDE_PX
+    left, top, right, bottom = distances[:, row, column].astype(np.float64)
+    boxes = np.stack([x - left, y - top, x + right, y + bottom], axis=-1)
+    sigma = np.zeros_like(boxes)
+    if spreads is not None:
+        sigma = LAPLACE_SIGMA * spreads[:, row, column].T.astype(np.float64)
+    values = scores[kind_of, row, column].astype(np.float64)
+    return Detections(boxes, values, np.array(labels, np.str_)[kind_of], sigma)
 
 
 def _not_suppressed(detections: Detections) -> NDArray[np.int_]:
