@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -86,26 +87,144 @@ def all_views(
     return [(name, f.classes, sample) for f in facades for name, sample in views(f, factor)]
 
 
-def _match(
-    boxes: np.ndarray, truth: np.ndarray, ignored: np.ndarray, limit: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Outcome per box, best first: 1 hit, 0 false, -1 ignored; and the overlap of the hits."""
-    outcome, overlap = np.zeros(len(boxes), int), np.zeros(len(boxes))
-    table = iou(boxes, truth) if len(truth) else np.zeros((len(boxes), 0))
+@dataclass(frozen=True)
+class Matched:
+    """The boxes found in some pictures, each (N,) with what became of it, and the true windows.
+
+    Attributes
+    ----------
+    scores
+        Of the boxes, 0 to 1.
+    outcome
+        1 hit, 0 false, -1 mostly in an ignored area, which counts neither way.
+    overlap
+        IoU with the true box of a hit, else 0.
+    area, true_area
+        Of the box and of its true box (0 without one), square pixels of the pictures.
+    true_count, true_sum
+        Number and summed area of all true boxes.
+    """
+
+    scores: np.ndarray
+    outcome: np.ndarray
+    overlap: np.ndarray
+    area: np.ndarray
+    true_area: np.ndarray
+    true_count: int
+    true_sum: float
+
+    def at_least(self, score: float) -> Matched:
+        """What would have become of the boxes with this score or more, alone.
+
+        The matching goes from the best score down, so the others did not change it.
+        """
+        kept = self.scores >= score
+        arrays = (self.scores, self.outcome, self.overlap, self.area, self.true_area)
+        return Matched(*(array[kept] for array in arrays), self.true_count, self.true_sum)
+
+    @property
+    def hits(self) -> np.ndarray:
+        return self.outcome == 1
+
+    @property
+    def precision(self) -> float:
+        return float(self.hits.sum() / max((self.outcome >= 0).sum(), 1))
+
+    @property
+    def recall(self) -> float:
+        return float(self.hits.sum() / max(self.true_count, 1))
+
+    @property
+    def f1(self) -> float:
+        return float(_f1(self.precision, self.recall))
+
+
+def match(
+    boxes: np.ndarray, scores: np.ndarray, truth: np.ndarray, ignored: np.ndarray, limit: float
+) -> Matched:
+    """Boxes (N, 4) of one picture, best score first, against true (M, 4) and ignored (K, 4) ones.
+
+    A box takes the true box that it overlaps most among those that no better box took, if their
+    IoU is at least ``limit``.
+    """
+    order = np.argsort(-scores, kind="stable")
+    boxes, scores = boxes[order], scores[order]
+    outcome = np.zeros(len(boxes), int)
+    overlap, true_area = np.zeros(len(boxes)), np.zeros(len(boxes))
+    table, areas = iou(boxes, truth), _areas(truth)
     free = np.ones(len(truth), bool)
-    for k in range(len(boxes)):
+    for k, box in enumerate(boxes):
         row = np.where(free, table[k], -1.0)
         if row.size and row.max() >= limit:
             best = int(row.argmax())
             free[best] = False
-            outcome[k], overlap[k] = 1, table[k, best]
+            outcome[k], overlap[k], true_area[k] = 1, table[k, best], areas[best]
         elif len(ignored):
-            low = np.maximum(boxes[k, :2], ignored[:, :2])
-            high = np.minimum(boxes[k, 2:], ignored[:, 2:])
+            low, high = np.maximum(box[:2], ignored[:, :2]), np.minimum(box[2:], ignored[:, 2:])
             common = np.clip(high - low, 0, None).prod(axis=1)
-            if common.max() > 0.5 * (boxes[k, 2:] - boxes[k, :2]).prod():
+            if common.max() > 0.5 * (box[2:] - box[:2]).prod():
                 outcome[k] = -1
-    return outcome, overlap
+    return Matched(
+        scores, outcome, overlap, _areas(boxes), true_area, len(truth), float(areas.sum())
+    )
+
+
+def join(parts: list[Matched]) -> Matched:
+    """Several pictures as one set."""
+    names = ("scores", "outcome", "overlap", "area", "true_area")
+    arrays = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
+    return Matched(*arrays, sum(p.true_count for p in parts), sum(p.true_sum for p in parts))
+
+
+def _areas(boxes: np.ndarray) -> np.ndarray:
+    return (boxes[:, 2:] - boxes[:, :2]).prod(axis=1)
+
+
+def curve(matched: Matched) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Scores, precision and recall at every score, best first."""
+    counted = matched.outcome >= 0
+    scores, outcome = matched.scores[counted], matched.outcome[counted]
+    order = np.argsort(-scores, kind="stable")
+    hits = np.cumsum(outcome[order])
+    return scores[order], hits / np.arange(1, len(hits) + 1), hits / max(matched.true_count, 1)
+
+
+def average_precision(matched: Matched) -> float:
+    """Area under the curve of precision over recall, precision made monotone."""
+    _, precision, recall = curve(matched)
+    envelope = np.maximum.accumulate(precision[::-1])[::-1]
+    return float((envelope * np.diff(recall, prepend=0.0)).sum())
+
+
+def best_threshold(matched: Matched) -> float:
+    """Score with the best F1; 0.5 where nothing was found or nothing is there."""
+    scores, precision, recall = curve(matched)
+    if not len(scores) or not matched.true_count:
+        return 0.5
+    return float(scores[_f1(precision, recall).argmax()])
+
+
+def _f1(precision, recall):
+    return 2 * precision * recall / np.maximum(precision + recall, 1e-9)
+
+
+def areas(matched: Matched) -> dict[str, float]:
+    """Errors of window areas, as shares of the true area.
+
+    ``area_median`` and ``area_mean`` of the absolute errors of hits, ``area_bias_hits`` of the
+    summed area of hits, ``area_bias`` of everything found against everything that is there. Boxes
+    in ignored areas count on neither side.
+    """
+    hits = matched.hits
+    found, true = matched.area[hits], matched.true_area[hits]
+    error = np.abs(found / true - 1) if hits.any() else np.array([np.nan])
+    everything = matched.area[matched.outcome >= 0].sum()
+    return {
+        "area_median": float(np.median(error)),
+        "area_mean": float(error.mean()),
+        "area_bias_hits": float(found.sum() / true.sum() - 1) if hits.any() else float("nan"),
+        "area_bias": float(everything / max(matched.true_sum, 1e-9) - 1),
+    }
 
 
 def _groups(name: str) -> tuple[str, ...]:
@@ -118,8 +237,7 @@ def evaluate(predict: Predict, seen: list[tuple[str, tuple[int, ...], Sample]]) 
     The threshold is the one of the best F1 at IoU 0.5 for that entry; ``f1_75``, precision, recall
     and the mean IoU of the hits are at that threshold.
     """
-    groups: dict[str, dict[float, list]] = {}
-    counts: dict[str, int] = {}
+    groups: dict[str, tuple[list[Matched], list[Matched]]] = {}
     for name, classes, sample in seen:
         scores, distances = predict(sample.image)
         boxes, values, kinds = decode(scores, distances, _LOWEST)
@@ -128,61 +246,27 @@ def evaluate(predict: Predict, seen: list[tuple[str, tuple[int, ...], Sample]]) 
         ignored = sample.boxes[sample.labels == IGNORE]
         for k in classes:
             truth = sample.boxes[sample.labels == k]
-            for key in [f"{group}/{LABELS[k]}" for group in _groups(name)]:
-                counts[key] = counts.get(key, 0) + len(truth)
-                for limit in (0.5, 0.75):
-                    outcome, overlap = _match(boxes[kinds == k], truth, ignored, limit)
-                    block = np.stack([values[kinds == k], outcome, overlap], axis=1)
-                    groups.setdefault(key, {}).setdefault(limit, []).append(block)
-    return {
-        key: _summary(np.concatenate(group[0.5]), np.concatenate(group[0.75]), counts[key])
-        for key, group in groups.items()
-    }
+            for group in _groups(name):
+                for parts, limit in zip(
+                    groups.setdefault(f"{group}/{LABELS[k]}", ([], [])), (0.5, 0.75), strict=True
+                ):
+                    parts.append(
+                        match(boxes[kinds == k], values[kinds == k], truth, ignored, limit)
+                    )
+    return {key: _summary(join(at50), join(at75)) for key, (at50, at75) in groups.items()}
 
 
-def curve(block: np.ndarray, truths: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Scores, precision and recall, best score first; ``block`` has score, outcome, overlap."""
-    block = block[block[:, 1] >= 0]
-    block = block[np.argsort(-block[:, 0], kind="stable")]
-    hits = np.cumsum(block[:, 1])
-    precision = hits / np.arange(1, len(block) + 1)
-    return block[:, 0], precision, hits / max(truths, 1)
-
-
-def _f1(precision: np.ndarray, recall: np.ndarray) -> np.ndarray:
-    return 2 * precision * recall / np.maximum(precision + recall, 1e-9)
-
-
-def _summary(at50: np.ndarray, at75: np.ndarray, truths: int) -> dict[str, float]:
-    scores, precision, recall = curve(at50, truths)
-    if not len(scores) or not truths:
-        return {
-            "n": truths,
-            "ap50": 0.0,
-            "f1_50": 0.0,
-            "f1_75": 0.0,
-            "mean_iou": 0.0,
-            "precision": 0.0,
-            "recall": 0.0,
-            "threshold": 0.5,
-        }
-    f1 = _f1(precision, recall)
-    best = int(f1.argmax())
-    threshold = float(scores[best])
-    envelope = np.maximum.accumulate(precision[::-1])[::-1]
-    steps = np.diff(np.concatenate([[0.0], recall]))
-    tight_scores, tight_precision, tight_recall = curve(at75, truths)
-    chosen = int((tight_scores >= threshold).sum()) - 1
-    tight = float(_f1(tight_precision, tight_recall)[chosen]) if chosen >= 0 else 0.0
-    hits = (at50[:, 1] == 1) & (at50[:, 0] >= threshold)
+def _summary(at50: Matched, at75: Matched) -> dict[str, float]:
+    threshold = best_threshold(at50)
+    chosen = at50.at_least(threshold)
     result = {
-        "n": truths,
-        "ap50": float((envelope * steps).sum()),
-        "f1_50": float(f1[best]),
-        "f1_75": tight,
-        "mean_iou": float(at50[hits, 2].mean()) if hits.any() else 0.0,
-        "precision": float(precision[best]),
-        "recall": float(recall[best]),
+        "n": at50.true_count,
+        "ap50": average_precision(at50),
+        "f1_50": chosen.f1,
+        "f1_75": at75.at_least(threshold).f1,
+        "mean_iou": float(chosen.overlap[chosen.hits].mean()) if chosen.hits.any() else 0.0,
+        "precision": chosen.precision,
+        "recall": chosen.recall,
         "threshold": threshold,
     }
     return {k: round(v, 4) for k, v in result.items()}
