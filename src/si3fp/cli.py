@@ -1,7 +1,7 @@
 """The command line: every verb is a thin shell around an importable function.
 
 Results go to stdout, progress and messages to stderr. Exit codes: 0 done, 1 an error with a
-message, 2 wrong usage, 3 done but a facade that cameras saw failed, 130 interrupted.
+message, 2 wrong usage, 3 done but a facade that cameras saw, or a picture, failed, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -30,12 +30,13 @@ from si3fp.demo import run_demo
 from si3fp.errors import Si3fpError
 from si3fp.pipeline import run_street
 from si3fp.report.map_layer import write_map_layer
+from si3fp.report.picture_overlays import overlay_files, write_overlays
 from si3fp.report.run_report import write_report
-from si3fp.steps import Circle, simulate_run
+from si3fp.steps import Circle, detect_pictures, picture_files, simulate_run
 from si3fp.steps import Progress as Report
 from si3fp.workspace import Workspace, dump_json, read_json
 
-EXIT_FACADE_FAILED = 3
+EXIT_PART_FAILED = 3
 EXIT_INTERRUPTED = 130
 
 a_path = click.Path(path_type=Path)
@@ -108,7 +109,43 @@ def street(
     write_report(out)
     click.echo(summary(out))
     if run.failed:
-        sys.exit(EXIT_FACADE_FAILED)
+        sys.exit(EXIT_PART_FAILED)
+
+
+@verbs.command()
+@click.argument("images", type=a_path, nargs=-1, required=True)
+@click.option("-o", "--out", type=a_path, required=True, help="JSON to write.")
+@click.option(
+    "--m-per-px",
+    type=click.FloatRange(0.0005, 0.2),
+    help="Scale of all images; without it, each one's is estimated from its windows.",
+)
+@click.option("--overlay", type=a_path, metavar="DIR", help="Draw the boxes into PNGs there.")
+@click.option("--overwrite", is_flag=True, help="Replace an earlier result.")
+def detect(
+    images: tuple[Path, ...],
+    out: Path,
+    m_per_px: float | None,
+    overlay: Path | None,
+    overwrite: bool,
+) -> None:
+    """Windows on orthographic or near-frontal pictures (step M.1 alone).
+
+    IMAGES are JPEGs, PNGs, or folders of them.
+    """
+    files = picture_files(images)
+    targets = overlay_files(overlay, files, overwrite=overwrite) if overlay else None
+    with progress_bars() as progress:
+        run = detect_pictures(files, out, m_per_px=m_per_px, overwrite=overwrite, progress=progress)
+        if targets:
+            write_overlays(run.pictures, targets, progress)
+    for picture in run.pictures:
+        # A picture without windows is worth a look: it is a note, not a result.
+        click.echo(picture.summary, err=not len(picture.detections))
+    for reason in run.failed.values():
+        click.echo(f"Error: {reason}", err=True)
+    if run.failed:
+        sys.exit(EXIT_PART_FAILED)
 
 
 @verbs.command()

@@ -66,14 +66,19 @@ def _rows(image: Image) -> int:
     return int(np.clip(round(image.shape[1] / image.shape[0] / ROW_ASPECT), 1, MAX_ROWS))
 
 
-def _fitted_to_page(image: Image) -> Image:
-    """The image in the size of the page: small ones enlarged, so that lines on them are sharp."""
+def enlarged(image: Image) -> Image:
+    """The image, enlarged where its longer side is below `MIN_SIZE_PX`: lines on it are sharp."""
     height_px, width_px = image.shape[:2]
     larger = MIN_SIZE_PX / max(height_px, width_px)
-    if larger > 1:
-        size = (round(width_px * larger), round(height_px * larger))
-        return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
-    return fitted(image, _rows(image) * MAX_WIDTH_PX, MAX_HEIGHT_PX)
+    if larger <= 1:
+        return image
+    size = (max(1, round(width_px * larger)), max(1, round(height_px * larger)))
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
+
+
+def _fitted_to_page(image: Image) -> Image:
+    """The image in the size of the page, small ones enlarged."""
+    return fitted(enlarged(image), _rows(image) * MAX_WIDTH_PX, MAX_HEIGHT_PX)
 
 
 def fused_figure(workspace: Workspace, facade: Record) -> Markup | None:

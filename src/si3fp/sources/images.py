@@ -1,4 +1,4 @@
-"""Panorama images: size from the header, pixels in the full 2:1 frame, and what they do not show.
+"""Images from disk: size from the header, pixels, the full 2:1 frame of a panorama, what it shows.
 
 The header is checked before anything is decoded, then OpenCV decodes once: as fast as Pillow with
 two thirds of its memory (0.84 and 1.28 GiB at 16384 x 8192, see benchmarks/speed/read_panorama.py).
@@ -29,7 +29,7 @@ NOT_SEEN_MARGIN_PX = 8
 """Not seen regions grow by this much: JPEG ringing at their edge."""
 
 _XMP_HEADER = b"http://ns.adobe.com/xap/1.0/\x00"
-_EXIF_IFD, _GPS_IFD, _DATE_TIME_ORIGINAL = 0x8769, 0x8825, 0x9003
+_EXIF_IFD, _GPS_IFD, _DATE_TIME_ORIGINAL, _ORIENTATION = 0x8769, 0x8825, 0x9003, 0x0112
 _END_OF_IMAGE = b"\xff\xd9"
 _BAND_PX = 512
 
@@ -41,7 +41,7 @@ class ImageHeader:
     Attributes
     ----------
     width_px, height_px
-        Size as stored; the EXIF orientation is ignored, as for every panorama.
+        Size as stored, whatever the orientation.
     gpano
         Photo Sphere properties of a JPEG; empty where there are none.
     gps
@@ -50,6 +50,8 @@ class ImageHeader:
         EXIF DateTimeOriginal of a JPEG, or "".
     pixels_offset
         Position in the file behind the header.
+    orientation
+        EXIF orientation of a JPEG, 1 to 8; 1, upright as stored, where there is none.
     """
 
     width_px: int
@@ -58,6 +60,7 @@ class ImageHeader:
     gps: Mapping[int, Any]
     taken: str
     pixels_offset: int
+    orientation: int = 1
 
 
 def read_header(path: Path) -> ImageHeader:
@@ -94,12 +97,14 @@ def read_header(path: Path) -> ImageHeader:
 def _jpeg_header(image: JpegImageFile, pixels_offset: int) -> ImageHeader:
     packets = [data for _, data in image.applist if data.startswith(_XMP_HEADER)]
     exif = image.getexif()
+    orientation = exif.get(_ORIENTATION, 1)
     return ImageHeader(
         *image.size,
         gpano=gpano_properties(b"".join(packets).decode("utf-8", errors="replace")),
         gps=dict(exif.get_ifd(_GPS_IFD)),
         taken=str(exif.get_ifd(_EXIF_IFD).get(_DATE_TIME_ORIGINAL, "")).strip("\x00 "),
         pixels_offset=pixels_offset,
+        orientation=orientation if orientation in range(1, 9) else 1,
     )
 
 
@@ -118,6 +123,39 @@ def frame_of(header: ImageHeader, path: Path, max_pixels: int) -> PanoramaFrame:
             f"the limit of {max_pixels:,} pixels (16384 x 8192 by default). Scale it down."
         )
     return frame
+
+
+def load_picture(path: Path, max_pixels: int) -> Image:
+    """RGB pixels (H, W, 3) uint8 of a picture as viewers show it: its EXIF orientation is applied.
+
+    Grey, 16 bit and palette images become 8 bit RGB, transparent pixels black.
+
+    Parameters
+    ----------
+    path
+        JPEG or PNG.
+    max_pixels
+        Limit on W x H, checked before anything is decoded.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, empty, no image, truncated or too large.
+    """
+    header = read_header(path)
+    if header.width_px * header.height_px > max_pixels:
+        raise InputError(
+            f"{path}: a picture of {header.width_px} x {header.height_px} px is beyond the limit "
+            f"of {max_pixels:,} pixels. Scale it down or cut it."
+        )
+    pixels = _decode(path, header)
+    if header.orientation >= 5:  # 5 to 8: rows and columns are exchanged
+        pixels = pixels.transpose(1, 0, 2)
+    if header.orientation in (3, 4, 7, 8):
+        pixels = pixels[::-1]
+    if header.orientation in (2, 3, 6, 7):
+        pixels = pixels[:, ::-1]
+    return np.ascontiguousarray(pixels)
 
 
 def load_panorama(path: Path, max_pixels: int) -> Image:
@@ -187,7 +225,7 @@ def _decode(path: Path, header: ImageHeader) -> Image:
     except (OSError, SyntaxError, ValueError) as error:
         raise damaged from error
     encoded = np.frombuffer(content, np.uint8)
-    # Orientation tags do not apply to panoramas; only PNG can be transparent.
+    # The pixels as stored: orientation is for the caller. Only PNG can be transparent.
     flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION if is_jpeg else cv2.IMREAD_UNCHANGED
     try:
         pixels = cv2.imdecode(encoded, flags)

@@ -7,17 +7,21 @@ facade's failure becomes a `Missing` row.
 from si3fp.steps.facades import find_facade
 from si3fp.steps.inputs import Circle, StreetInputs, claim, collect, run_key
 from si3fp.steps.models import build_models, simulate_run, write_run
+from si3fp.steps.pictures import Picture, detect_pictures, picture_files
 from si3fp.steps.rectified import Progress, make_views, plan, write_cloud
 
 __all__ = [
     "Circle",
+    "Picture",
     "Progress",
     "StreetInputs",
     "build_models",
     "claim",
     "collect",
+    "detect_pictures",
     "find_facade",
     "make_views",
+    "picture_files",
     "plan",
     "run_key",
     "simulate_run",
