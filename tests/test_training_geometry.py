@@ -8,7 +8,6 @@ pytest.importorskip("torch", reason="training needs the extra `train`")
 
 from training.augment import (
     Sample,
-    photometric,
     random_crop,
     scaling,
     translation,
@@ -16,6 +15,7 @@ from training.augment import (
     warp_image,
 )
 from training.data import IGNORE, Facade, median_height, warp_points
+from training.photometric import photometric
 from training.rectify import find_rectifications
 from training.targets import decode, encode, iou
 

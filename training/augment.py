@@ -141,7 +141,7 @@ def _random_matrix(
     unit = median_height(facade, view)
     if unit <= 0:
         return None
-    factor = np.exp(rng.uniform(np.log(0.6), np.log(1.8)))
+    factor = np.exp(rng.uniform(np.log(0.55), np.log(1.7)))
     scale = NOMINAL_HEIGHT * factor / unit
     view = scaling(scale, scale) @ view
     polygons = [p for p, label in zip(facade.polygons, facade.labels, strict=True) if label == 0]
@@ -177,95 +177,3 @@ def _content(facade: Facade, view: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if frame is not None:
         low, high = np.maximum(low, frame.min(axis=0)), np.minimum(high, frame.max(axis=0))
     return low, high
-
-
-def photometric(sample: Sample, rng: np.random.Generator) -> Sample:
-    """Random light, colour, blur, noise, compression, seams and missing regions."""
-    image = sample.image
-    if rng.random() < 0.35:
-        image = _blur(image, rng)
-    look = image.astype(np.float32)
-    if rng.random() < 0.15:
-        look[:] = look.mean(axis=2, keepdims=True)
-    elif rng.random() < 0.5:
-        grey = look.mean(axis=2, keepdims=True)
-        look = grey + (look - grey) * rng.uniform(0.2, 1.4)
-    if rng.random() < 0.7:
-        gain = rng.uniform(0.6, 1.5) * np.exp(rng.normal(0, 0.07, 3))
-        mean = look.mean()
-        look = (look - mean) * rng.uniform(0.6, 1.4) + mean
-        look = look * gain + rng.uniform(-20, 20)
-    if rng.random() < 0.4:
-        look = 255 * (np.clip(look, 0, 255) / 255) ** np.exp(rng.uniform(-0.6, 0.6))
-    if rng.random() < 0.2:
-        axis = int(rng.integers(2))
-        ramp = np.linspace(rng.uniform(0.5, 1.3), rng.uniform(0.5, 1.3), look.shape[axis])
-        look *= np.expand_dims(ramp.astype(np.float32), (1 - axis, 2))
-    if rng.random() < 0.3:
-        look += rng.standard_normal(look.shape, np.float32) * rng.uniform(1, 12)
-    image = np.clip(look, 0, 255).astype(np.uint8)
-    if rng.random() < 0.15:
-        image = _seam(image, rng)
-    if rng.random() < 0.3:
-        quality = int(rng.integers(25, 90))
-        packed = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
-        image = cv2.imdecode(packed, cv2.IMREAD_COLOR)
-    image, labels = _holes(image, sample.boxes, sample.labels, rng)
-    return Sample(np.ascontiguousarray(image), sample.boxes, labels)
-
-
-def _blur(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    kind = rng.random()
-    height, width = image.shape[:2]
-    if kind < 0.5:
-        factor = rng.uniform(0.35, 0.9)
-        small = cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
-        return cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR)
-    if kind < 0.8:
-        return cv2.GaussianBlur(image, (0, 0), rng.uniform(0.4, 1.6))
-    length = int(rng.integers(3, 8))
-    kernel = np.zeros((length, length), np.float32)
-    end = (length - 1, int(rng.integers(0, length)))
-    cv2.line(kernel, (0, length - 1 - end[1]), end, 1.0)
-    return cv2.filter2D(image, -1, kernel / kernel.sum())
-
-
-def _seam(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    size = image.shape[1]
-    cut = int(rng.integers(size // 5, 4 * size // 5))
-    shift = int(rng.integers(-2, 3))
-    part = np.roll(image, shift, axis=0)[:, cut:].astype(np.float32) * rng.uniform(0.8, 1.25)
-    image = image.copy()
-    image[:, cut:] = np.clip(part, 0, 255).astype(np.uint8)
-    return image
-
-
-def _holes(
-    image: np.ndarray, boxes: np.ndarray, labels: np.ndarray, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
-    """Missing regions; a box more than half hidden becomes IGNORE."""
-    height, width = image.shape[:2]
-    hidden = np.zeros((height, width), np.uint8)
-    if rng.random() < 0.15:
-        depth = rng.uniform(0.03, 0.35, 2)
-        ring = np.array([[0, 0], [1, 0], [1, depth[0]], [0, depth[1]]])
-        ring = ring[:, ::-1] if rng.random() < 0.5 else ring
-        ring = 1 - ring if rng.random() < 0.5 else ring
-        cv2.fillPoly(hidden, [(ring * (width, height)).astype(np.int32)], 1)
-    if rng.random() < 0.2:
-        for _ in range(int(rng.integers(1, 4))):
-            centre = rng.uniform(0, 1, 2) * (width, height)
-            ring = centre + rng.uniform(-0.12, 0.12, (int(rng.integers(3, 7)), 2)) * width
-            cv2.fillPoly(hidden, [cv2.convexHull(ring.astype(np.int32))], 1)
-    if not hidden.any():
-        return image, labels
-    value = 0 if rng.random() < 0.7 else int(rng.integers(0, 256))
-    image = image.copy()
-    image[hidden > 0] = value
-    labels = labels.copy()
-    for k, box in enumerate(boxes):
-        left, top, right, bottom = np.round(box).astype(int)
-        patch = hidden[top:bottom, left:right]
-        if patch.size and patch.mean() > 0.5:
-            labels[k] = IGNORE
-    return image, labels

@@ -15,9 +15,11 @@ from training.rectify import find_rectifications
 
 WINDOW, BALCONY, IGNORE = 0, 1, -1
 LABELS = ("window", "balcony")
-NOMINAL_HEIGHT = 35.0
-"""Height of the median window, in pixels, in a scale-normalised image (1.4 m at 0.04 m/px)."""
-CACHE_HEIGHT = 70.0
+M_PER_PX = 0.03
+"""Resolution that the detector works at."""
+NOMINAL_HEIGHT = 1.4 / M_PER_PX
+"""Height of the median window, in pixels, in a scale-normalised image: 1.4 m."""
+CACHE_HEIGHT = 2.0 * NOMINAL_HEIGHT
 """Height of the median window, in pixels, in the cached images (never enlarged to reach it)."""
 VALIDATION_LIST = Path(__file__).with_name("validation.json")
 _HSLU_LABELS = {"window": WINDOW, "balcony-fence": BALCONY, "shop": IGNORE}

@@ -8,8 +8,9 @@ import numpy as np
 import torch
 from torch.utils.data import DataLoader, IterableDataset
 
-from training.augment import Sample, photometric, random_crop
+from training.augment import Sample, random_crop
 from training.data import Facade
+from training.photometric import photometric
 from training.targets import encode
 
 _SPB_NEGATIVE = 0.4

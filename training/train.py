@@ -26,6 +26,8 @@ _AVERAGE = "average.pt"
 _LOSSES = "losses.csv"
 _METRICS = "metrics.csv"
 _DECAY = 0.998
+_BACKBONE_SHARE = 0.4
+"""Learning rate of published weights, as a share of the rate of the rest."""
 
 
 def rate(progress: float, peak: float) -> float:
@@ -116,16 +118,20 @@ class Run:
         self.out: Path = options.out
         self.model = Detector(options.backbone).to(memory_format=torch.channels_last)
         self.mean = Detector(options.backbone).to(memory_format=torch.channels_last).eval()
+        published: set[int] = set()
         if isinstance(self.model.backbone, EfficientNetLite):
             load_published(self.model.backbone, published_weights(options.backbone))
+            published = {id(p) for p in self.model.backbone.parameters()}
         self.mean.load_state_dict(self.model.state_dict())
         self.model.backbone.freeze()
         learning = [p for p in self.model.parameters() if p.requires_grad]
-        decayed = [p for p in learning if p.ndim > 1]
-        plain = [p for p in learning if p.ndim <= 1]
         groups = [
-            {"params": decayed, "weight_decay": 0.03},
-            {"params": plain, "weight_decay": 0.0},
+            {
+                "params": [p for p in learning if (p.ndim > 1, id(p) in published) == kind],
+                "weight_decay": 0.03 if kind[0] else 0.0,
+                "share": _BACKBONE_SHARE if kind[1] else 1.0,
+            }
+            for kind in ((True, False), (True, True), (False, False), (False, True))
         ]
         self.optimiser = torch.optim.AdamW(groups, lr=options.rate)
         self.step, self.elapsed = 0, 0.0
@@ -153,7 +159,7 @@ class Run:
     ) -> dict[str, float]:
         """One step at the rate due now; ``start`` is the clock at zero elapsed seconds."""
         for group in self.optimiser.param_groups:
-            group["lr"] = rate(self.elapsed / budget, peak)
+            group["lr"] = rate(self.elapsed / budget, peak) * group["share"]
         self.model.train()
         self.model.backbone.freeze()
         losses = step_losses(self.model, batch, self.elapsed / budget)
@@ -244,9 +250,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--backbone", default="lite0", help="scratch, lite0, lite1 or lite2")
     parser.add_argument("--resume", action="store_true", help="go on from the last checkpoint")
-    parser.add_argument("--size", type=int, default=320, help="side of the crops, px")
-    parser.add_argument("--batch", type=int, default=12)
-    parser.add_argument("--rate", type=float, default=2e-3, help="highest learning rate")
+    parser.add_argument("--size", type=int, default=384, help="side of the crops, px")
+    parser.add_argument("--batch", type=int, default=8)
+    parser.add_argument("--rate", type=float, default=1.5e-3, help="highest learning rate")
     parser.add_argument("--processes", type=int, default=2, help="one per core")
     parser.add_argument("--port", type=int, default=29517, help="local port to meet at")
     parser.add_argument("--save-minutes", type=float, default=3.0)
