@@ -8,8 +8,10 @@ import pytest
 pytest.importorskip("torch", reason="training needs the extra `train`")
 
 import torch
+from training.backbone import EfficientNetLite, load_published
+from training.losses import spread_loss
 from training.measure import evaluate
-from training.network import Detector
+from training.network import Detector, SmallResidual, make_backbone
 from training.targets import decode, encode, iou
 from training.train import average, predictor, rate, step_losses
 
@@ -35,7 +37,7 @@ def made_batch() -> tuple[dict, list[np.ndarray]]:
 def test_overfits_generated_pictures() -> None:
     torch.manual_seed(0)
     torch.set_num_threads(1)
-    model = Detector(widths=(16, 24, 32, 32), blocks=(1, 1, 1, 1), neck=24)
+    model = Detector(SmallResidual(widths=(16, 24, 32, 32), blocks=(1, 1, 1, 1)), neck=24)
     batch, truths = made_batch()
     optimiser = torch.optim.AdamW(model.parameters(), 6e-3)
     first = None
@@ -48,12 +50,16 @@ def test_overfits_generated_pictures() -> None:
     assert float(losses["total"].detach()) < 0.25 * first
     model.train()  # statistics of so few steps are not yet settled
     with torch.no_grad():
-        logits, distances = model(batch["image"].float())
+        logits, distances, spreads = model(batch["image"].float())
     for k, truth in enumerate(truths):
         scores = torch.sigmoid(logits[k]).numpy()
         boxes, _, classes = decode(scores, distances[k].numpy(), 0.3)
         assert len(boxes) == 2 and np.all(classes == 0)
         assert iou(truth, boxes).max(axis=1).min() > 0.7
+    learnt = batch["side_weight"] > 0
+    error = (distances - batch["sides"]).abs().permute(0, 2, 3, 1)[learnt]
+    spread = spreads.permute(0, 2, 3, 1)[learnt]
+    assert 0.3 < float(spread.mean() / error.mean()) < 3.0
 
 
 def test_rate_ends_at_zero() -> None:
@@ -63,7 +69,7 @@ def test_rate_ends_at_zero() -> None:
 
 
 def test_average_follows_the_model() -> None:
-    model, mean = Detector(), Detector()
+    model, mean = Detector(SmallResidual()), Detector(SmallResidual())
     for step in range(4):
         average(mean, model, step)
     gaps = [
@@ -88,9 +94,74 @@ def test_export_matches_torch(tmp_path: Path) -> None:
     pytest.importorskip("onnxruntime")
     from training.export import export_onnx, largest_error
 
-    model = Detector(widths=(16, 24, 32, 32), blocks=(1, 1, 1, 1), neck=24).eval()
+    model = Detector(make_backbone("lite0"), neck=16).eval()
     export_onnx(model, tmp_path / "detector.onnx")
     errors = largest_error(model, tmp_path / "detector.onnx")
-    assert errors["scores"] < 1e-4 and errors["distances"] < 1e-2
+    assert errors["scores"] < 1e-4 and errors["distances"] < 1e-2 and errors["spreads"] < 1e-2
     scores, distances = predictor(model)(np.zeros((64, 96, 3), np.uint8))
     assert scores.shape == (2, 16, 24) and distances.shape == (4, 16, 24)
+
+
+def test_spread_loss_is_least_where_the_spread_is_the_mean_error() -> None:
+    distances, sides = torch.zeros(1, 4, 1, 2), torch.tensor([1.0, 3.0]).expand(1, 4, 1, 2)
+    weight = torch.ones(1, 1, 2)
+
+    def loss(b: float) -> float:
+        return float(spread_loss(distances, torch.full((1, 4, 1, 2), b), sides, weight))
+
+    assert loss(2.0) == pytest.approx(1.0 + np.log(2.0))
+    assert loss(2.0) < min(loss(1.8), loss(2.2))
+
+
+def published_checkpoint(path: Path, backbone: EfficientNetLite) -> dict[str, torch.Tensor]:
+    """A made-up checkpoint with the keys of the published ones."""
+    layers = {"expand": ("_expand_conv", "_bn0"), "depthwise": ("_depthwise_conv", "_bn1")}
+    layers["project"] = ("_project_conv", "_bn2")
+    made, number = {}, 0
+
+    def add(unit: torch.nn.Module, convolution: str, norm: str) -> None:
+        for kind, name in (("conv", convolution), ("norm", norm)):
+            for key, value in getattr(unit, kind).state_dict().items():
+                like = torch.rand(value.shape) if value.ndim else torch.tensor(3)
+                made[f"{name}.{key}"] = like
+
+    add(backbone.stem, "_conv_stem", "_bn0")
+    for stage in backbone.stages:
+        for block in stage:
+            for part, (convolution, norm) in layers.items():
+                if getattr(block, part) is not None:
+                    prefix = f"_blocks.{number}."
+                    add(getattr(block, part), prefix + convolution, prefix + norm)
+            number += 1
+    assert number == 16  # blocks of Lite0
+    torch.save(made | {"_fc.weight": torch.zeros(1000, 1280)}, path)
+    return made
+
+
+def test_published_weights_find_their_places(tmp_path: Path) -> None:
+    backbone = EfficientNetLite("lite0")
+    made = published_checkpoint(tmp_path / "made.pth", backbone)
+    load_published(backbone, tmp_path / "made.pth")
+    assert torch.equal(backbone.stem.conv.weight, made["_conv_stem.weight"])
+    last = backbone.stages[-1][-1].project
+    assert torch.equal(last.conv.weight, made["_blocks.15._project_conv.weight"])
+    assert torch.equal(last.norm.running_mean, made["_blocks.15._bn2.running_mean"])
+    assert [f.shape[1:] for f in backbone(torch.zeros(1, 3, 64, 96))] == [
+        (24, 16, 24), (40, 8, 12), (112, 4, 6), (320, 2, 3),
+    ]  # fmt: skip
+
+
+def test_frozen_stages_do_not_move() -> None:
+    model = Detector(make_backbone("lite0"), neck=16).train()
+    model.backbone.freeze()
+    before = {name: value.clone() for name, value in model.backbone.state_dict().items()}
+    batch, _ = made_batch()
+    optimiser = torch.optim.SGD([p for p in model.parameters() if p.requires_grad], 0.01)
+    step_losses(model, batch, 0.0, half=False)["total"].backward()
+    optimiser.step()
+    moved = {
+        name.split(".")[0] + "." + name.split(".")[1]
+        for name, value in model.backbone.state_dict().items()
+        if not torch.equal(value, before[name])
+    }
+    assert moved == {"stages.1", "stages.2", "stages.3"}

@@ -12,11 +12,12 @@ import numpy as np
 import onnxruntime
 import torch
 
-from training.data import LABELS, data_folder, read_validation
+from training.data import LABELS, M_PER_PX, data_folder, read_validation
 from training.measure import all_views, evaluate, onnx_predictor
-from training.network import Detector, Exported, parameter_count
+from training.network import Detector, Exported, make_backbone, parameter_count
 
 OPSET = 18
+OUTPUTS = ("scores", "distances", "spreads")
 _WEIGHTS = Path(__file__).parents[1] / "src/si3fp/windows/weights"
 _DATA = [
     {
@@ -27,10 +28,15 @@ _DATA = [
     },
     {"name": "SPB facades (without the validation pictures)", "licence": "CC0 1.0"},
 ]
+_PUBLISHED = {
+    "name": "ImageNet (ILSVRC 2012), through the published weights of EfficientNet-Lite0",
+    "licence": "weights Apache-2.0; the pictures belong to many owners",
+    "attribution": "TensorFlow TPU project; ported by ML Illustrated",
+}
 
 
 def export_onnx(detector: Detector, path: Path) -> None:
-    """Write the ONNX file: ``image`` to ``scores`` and ``distances``; N, H, W are free."""
+    """Write the ONNX file: ``image`` to the three maps of `OUTPUTS`; N, H, W are free."""
     model = Exported(detector).eval().to(memory_format=torch.contiguous_format)
     path.parent.mkdir(parents=True, exist_ok=True)
     grid = {0: "batch", 2: "rows", 3: "columns"}
@@ -44,24 +50,21 @@ def export_onnx(detector: Detector, path: Path) -> None:
             opset_version=OPSET,
             dynamo=False,
             input_names=["image"],
-            output_names=["scores", "distances"],
-            dynamic_axes={
-                "image": {0: "batch", 2: "height", 3: "width"},
-                "scores": grid,
-                "distances": grid,
-            },
+            output_names=list(OUTPUTS),
+            dynamic_axes={"image": {0: "batch", 2: "height", 3: "width"}}
+            | dict.fromkeys(OUTPUTS, grid),
         )
 
 
 def largest_error(detector: Detector, path: Path) -> dict[str, float]:
-    """Largest difference between ONNX and torch: scores (0..1) and distances (px)."""
+    """Largest difference between ONNX and torch: scores (0..1), distances and spreads (px)."""
     session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
     model = Exported(detector).eval()
-    errors = {"scores": 0.0, "distances": 0.0}
+    errors = dict.fromkeys(OUTPUTS, 0.0)
     rng = np.random.default_rng(0)
     for shape in ((1, 3, 64, 96), (2, 3, 256, 320), (1, 3, 512, 384)):
         image = rng.uniform(0, 255, shape).astype(np.float32)
-        got = session.run(["scores", "distances"], {"image": image})
+        got = session.run(list(OUTPUTS), {"image": image})
         with torch.no_grad():
             want = [t.numpy() for t in model(torch.from_numpy(image))]
         for name, a, b in zip(errors, got, want, strict=True):
@@ -69,9 +72,9 @@ def largest_error(detector: Detector, path: Path) -> dict[str, float]:
     return errors
 
 
-def load(path: Path) -> Detector:
+def load(path: Path, backbone: str = "lite0") -> Detector:
     """Detector with the weights of ``average.pt``."""
-    detector = Detector()
+    detector = Detector(make_backbone(backbone))
     detector.load_state_dict(torch.load(path, map_location="cpu", weights_only=True))
     return detector.eval()
 
@@ -82,10 +85,11 @@ def main() -> None:
     parser.add_argument("--run", type=Path, required=True, help="folder of training.train --out")
     parser.add_argument("--out", type=Path, default=_WEIGHTS)
     parser.add_argument("--data", help="data folder (default: SI3FP_TEST_DATA)")
-    parser.add_argument("--version", default="0.1.0")
+    parser.add_argument("--backbone", default="lite0", help="as in training.train")
+    parser.add_argument("--version", default="0.2.0")
     options = parser.parse_args()
     torch.set_num_threads(1)
-    detector = load(options.run / "average.pt")
+    detector = load(options.run / "average.pt", options.backbone)
     path = options.out / "detector.onnx"
     fresh = path.with_suffix(".tmp.onnx")
     export_onnx(detector, fresh)
@@ -99,7 +103,7 @@ def main() -> None:
         "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
         "opset": OPSET,
         "parameters": parameter_count(detector),
-        "m_per_px": 0.04,
+        "m_per_px": M_PER_PX,
         "stride": 4,
         "labels": list(LABELS),
         "score_threshold": thresholds["window"],
@@ -108,7 +112,7 @@ def main() -> None:
         "validation": "training/validation.json; pictures scaled by the true median window height; "
         "thresholds of the best F1 on the sets `upright` (rectified hslu, spb)",
         "metrics": metrics,
-        "training_data": _DATA,
+        "training_data": _DATA + ([] if options.backbone == "scratch" else [_PUBLISHED]),
         "licence": "Apache-2.0",
     }
     (options.out / "detector.json").write_text(json.dumps(document, indent=2) + "\n")

@@ -7,7 +7,7 @@ import math
 import torch
 from torch import Tensor, nn
 
-from training.backbone import EfficientNetLite
+from training.backbone import EfficientNetLite, load_published, published_weights
 
 
 def conv(inputs: int, outputs: int, kernel: int = 3, stride: int = 1) -> nn.Sequential:
@@ -65,6 +65,19 @@ class SmallResidual(nn.Module):
         return features
 
 
+Backbone = SmallResidual | EfficientNetLite
+
+
+def make_backbone(name: str, published: bool = False) -> Backbone:
+    """``scratch`` or an EfficientNet-Lite by name, on demand with its published weights."""
+    if name == "scratch":
+        return SmallResidual()
+    backbone = EfficientNetLite(name)
+    if published:
+        load_published(backbone, published_weights(name))
+    return backbone
+
+
 class Detector(nn.Module):
     """Images (N, 3, H, W), RGB 0..255, H and W multiples of 32, to three maps of stride 4.
 
@@ -75,12 +88,14 @@ class Detector(nn.Module):
     Parameters
     ----------
     backbone
-        ``scratch``, or an EfficientNet-Lite by name (its weights are loaded elsewhere).
+        What makes the feature maps.
+    neck
+        Channels of pyramid and heads.
     """
 
-    def __init__(self, backbone: str = "lite0", neck: int = 64, classes: int = 2) -> None:
+    def __init__(self, backbone: Backbone, neck: int = 64, classes: int = 2) -> None:
         super().__init__()
-        self.backbone = SmallResidual() if backbone == "scratch" else EfficientNetLite(backbone)
+        self.backbone = backbone
         self.laterals = nn.ModuleList(conv(width, neck, 1) for width in self.backbone.widths)
         self.smooth = nn.ModuleList(conv(neck, neck) for _ in self.backbone.widths[:-1])
         self.score_tower = nn.Sequential(conv(neck, neck), conv(neck, neck))

@@ -14,12 +14,12 @@ import numpy as np
 import torch
 import torch.distributed as dist
 
-from training.backbone import EfficientNetLite, load_published, published_weights
+from training.backbone import EfficientNetLite
 from training.data import data_folder, read_training, read_validation
 from training.loader import batches
 from training.losses import centre_loss, side_loss, spread_loss
 from training.measure import Predict, all_views, evaluate
-from training.network import Detector
+from training.network import Detector, make_backbone
 
 _CHECKPOINT = "checkpoint.pt"
 _AVERAGE = "average.pt"
@@ -116,12 +116,13 @@ class Run:
 
     def __init__(self, options: argparse.Namespace) -> None:
         self.out: Path = options.out
-        self.model = Detector(options.backbone).to(memory_format=torch.channels_last)
-        self.mean = Detector(options.backbone).to(memory_format=torch.channels_last).eval()
-        published: set[int] = set()
-        if isinstance(self.model.backbone, EfficientNetLite):
-            load_published(self.model.backbone, published_weights(options.backbone))
-            published = {id(p) for p in self.model.backbone.parameters()}
+        backbone = make_backbone(options.backbone, published=True)
+        self.model = Detector(backbone).to(memory_format=torch.channels_last)
+        self.mean = Detector(make_backbone(options.backbone)).eval()
+        self.mean = self.mean.to(memory_format=torch.channels_last)
+        published = set()
+        if isinstance(backbone, EfficientNetLite):
+            published = {id(p) for p in backbone.parameters()}
         self.mean.load_state_dict(self.model.state_dict())
         self.model.backbone.freeze()
         learning = [p for p in self.model.parameters() if p.requires_grad]
