@@ -261,7 +261,7 @@ def test_pictures_of_the_recipes() -> None:
         assert len(sample.boxes) == 5
         scale = width / 240
         assert sample.boxes[0] == pytest.approx(np.array([20, 20, 44, 55]) * scale, abs=2)
-        assert training_sample(made_facade(), CPU, rng).image.shape == (288, 288, 3)
+        assert training_sample(made_facade(), CPU, rng).image.shape == (256, 256, 3)
     grey = np.full((4, 4, 3), 100, np.uint8)
     assert 64 <= jittered(grey, 0.2, rng).mean() <= 144 and np.array_equal(
         jittered(grey, 0, rng), grey
@@ -288,7 +288,7 @@ def narrow_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> paper.Run:
     monkeypatch.setattr(paper, "RetinaNet", Narrow)
     torch.manual_seed(0)
     torch.set_num_threads(1)
-    recipe = replace(CPU, learning_rate=0.02, warm_up_iterations=10, magnification=1.0)
+    recipe = replace(CPU, learning_rate=0.02, warm_up_iterations=10)
     return paper.Run(recipe, tmp_path, None, resume=True)
 
 

@@ -25,7 +25,7 @@ from si3fp.errors import Si3fpError
 from training.anchors import BACKGROUND, MULTIPLE_PX, NEITHER, anchors, detections, match
 from training.augment import Sample
 from training.data import Facade, data_folder, read_training
-from training.recipes import RECIPES, Recipe, magnified, training_sample
+from training.recipes import RECIPES, Recipe, training_sample
 from training.retinanet import MEAN_RGB, RetinaNet, load_published
 
 _CHECKPOINT, _WEIGHTS, _LOSSES = "checkpoint.pt", "weights.pt", "losses.csv"
@@ -213,16 +213,15 @@ def detect(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Boxes (K, 4) px, scores (K,) and labels (K,) of an RGB uint8 picture, best first.
 
-    With a recipe of crops, the picture's windows are 35 px high (0.04 m per pixel); with whole
-    pictures its scale does not matter.
+    With a recipe of crops, the picture is at the scale of `training.data`; with whole pictures its
+    scale does not matter.
     """
     height, width = image.shape[:2]
+    large = image
     if recipe.crop_px is None:
         sides = recipe.inference_shortest_px, recipe.inference_longest_px
         scale = min(sides[0] / min(width, height), sides[1] / max(width, height))
         large = cv2.resize(image, (round(width * scale), round(height * scale)))
-    else:
-        large = magnified(image, recipe)
     batch = torch.from_numpy(padded([large])).permute(0, 3, 1, 2)
     model.eval()
     with torch.inference_mode(), torch.autocast("cpu", torch.bfloat16):

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
 from training.augment import Sample, random_crop, scaling, warp_boxes, warp_image
@@ -45,11 +44,9 @@ class Recipe:
     published_weights: bool = True
     """Start from COCO; without it from scratch, with batch normalisation that learns."""
     crop_px: int | None = None
-    """Without it, whole pictures at the sides above. With it, square crops of that many pixels of
-    pictures scaled to windows of 35 px, as `training.train` cuts them (scale, tilt and flip at
-    random), and inference at that scale."""
-    magnification: float = 1.0
-    """Of crops and of pictures to detect in, so that windows reach the anchors (32 px and up)."""
+    """Without it, whole pictures at the sides above. With it, square crops at the scale of
+    `training.train`, cut as there (scale, tilt and flip at random), and inference at that scale:
+    its median window, 47 px high, lies within the smallest anchors of 32 to 50 px."""
 
 
 PAPER = Recipe()
@@ -62,8 +59,7 @@ CPU = replace(
     cosine=True,
     largest_gradient=10.0,
     published_weights=False,
-    crop_px=192,
-    magnification=1.5,
+    crop_px=256,
 )
 RECIPES = {recipe.name: recipe for recipe in (PAPER, CPU)}
 
@@ -92,13 +88,6 @@ def training_sample(facade: Facade, recipe: Recipe, rng: np.random.Generator) ->
         boxes, labels = warp_boxes(facade, matrix, size, upright=False)
     else:
         crop = random_crop(facade, (recipe.crop_px, recipe.crop_px), rng)
-        image, boxes, labels = magnified(crop.image, recipe), crop.boxes, crop.labels
-        boxes = boxes * recipe.magnification
+        image, boxes, labels = crop.image, crop.boxes, crop.labels
     told = (labels == WINDOW) | (labels == IGNORE)
     return Sample(jittered(image, recipe.colour_jitter, rng), boxes[told], labels[told])
-
-
-def magnified(image: np.ndarray, recipe: Recipe) -> np.ndarray:
-    """Picture (H, W, 3) enlarged by the recipe's magnification."""
-    factor = recipe.magnification
-    return cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
