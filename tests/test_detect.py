@@ -1,6 +1,7 @@
 """Tiles, decoding and suppression with a detector whose answer is known; the shipped weights."""
 
 import json
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -79,7 +80,7 @@ def test_pixels_that_were_not_seen_are_black_to_the_network(painted):
     assert len(painted.detect(OrthoImage("x", rgb, seen), painted.m_per_px)) == 0
 
 
-@pytest.mark.parametrize("length", [1, 31, 640, 641, 1119, 1120, 1121, 5000])
+@pytest.mark.parametrize("length", [1, 31, 640, 1024, 1025, 1344, 1824, 1825, 5000])
 def test_every_place_belongs_to_exactly_one_tile(length):
     spans = detect._spans(length)
     centres = np.linspace(0, length, 2001)[:-1]
@@ -87,6 +88,8 @@ def test_every_place_belongs_to_exactly_one_tile(length):
     assert spans[0].start == 0
     assert spans[-1].stop == length
     assert all(0 < span.stop - span.start <= detect.TILE_PX for span in spans)
+    overlaps = [before.stop - after.start for before, after in pairwise(spans)]
+    assert all(overlap >= detect.OVERLAP_PX for overlap in overlaps)
 
 
 def test_decode_by_hand():
