@@ -15,7 +15,6 @@ from si3fp.errors import InputError
 from si3fp.model import Image
 from si3fp.report.facade_pictures import enlarged
 from si3fp.report.figures import box_colour, overlay
-from si3fp.report.markup import counted
 from si3fp.sources.images import load_picture
 from si3fp.steps import Picture, Progress
 from si3fp.workspace import write_png
@@ -87,11 +86,11 @@ def _key(picture: Picture, width_px: int) -> Image:
     strip = PilImage.new("RGB", (width_px, height_px), (255, 255, 255))
     draw = ImageDraw.Draw(strip)
     x, middle = size_px / 2, height_px / 2
-    for label, count in sorted(Counter(picture.detections.labels.tolist()).items()):
+    for label, count in Counter(picture.detections.labels.tolist()).most_common():
         draw.rectangle(
             [x, middle - size_px / 2, x + size_px, middle + size_px / 2], fill=box_colour(label)
         )
-        text = counted(count, label.replace("_", " "))
+        text = f"{label.replace('_', ' ')} {count}"
         draw.text((x + 1.5 * size_px, middle), text, font=font, fill=(40, 44, 52), anchor="lm")
         x += 3 * size_px + draw.textlength(text, font=font)
     scale = "scale unknown: no windows"

@@ -52,8 +52,8 @@ class Picture:
     @property
     def summary(self) -> str:
         """A line on what was found at which scale."""
-        counts = sorted(Counter(self.detections.labels.tolist()).items())
-        found = ", ".join(f"{count} {label}" for label, count in counts) or "no windows"
+        counts = Counter(self.detections.labels.tolist()).most_common()
+        found = ", ".join(f"{label} {count}" for label, count in counts) or "no windows"
         if self.m_per_px is None:
             return f"{self.file}: {found} at any scale"
         how = " (estimated)" if self.estimated else ""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from si3fp.model import OrthoImage
+from si3fp.model import Detections, OrthoImage
 from si3fp.windows.detect import WindowDetector
 
 WINDOW_HEIGHT_M = 1.4
@@ -23,8 +23,8 @@ SMALLEST_SIDE_M = 2.5
 COARSEST_M_PER_PX = 0.2
 """Here a window is 7 px high; in coarser pictures none can be told."""
 
-LARGEST_AREA_M2 = 12_800.0
-"""No picture is taken to show more than this: 8 million pixels of the detector."""
+LARGEST_AREA_M2 = 7200.0
+"""No picture is taken to show more than this, say 240 m of a street 30 m high."""
 
 LADDER = 2.0
 """Ratio of two scales that are tried; a detector finds windows from 0.6 to 1.7 times their size."""
@@ -33,11 +33,11 @@ LADDER = 2.0
 def estimate_m_per_px(image: OrthoImage, detector: WindowDetector) -> float | None:
     """Metres per pixel at which the picture's windows are of usual height; None without windows.
 
-    Windows are sought at scales of a geometric ladder, from few metres in the picture to many. The
-    best rung is where the sum of the sure scores, each weighted by how usual the window's height
-    would be, is largest; there, the median height of the sure windows is set to
-    `WINDOW_HEIGHT_M`. So the result, to three digits, carries the spread of window heights between
-    buildings: good for finding windows, not for measuring them.
+    Windows are sought at scales of a geometric ladder, from few metres in the picture to many. On
+    the best rung the sum over the sure windows, each weighted by how sure it is and how usual its
+    height would be, is largest; then their median height is set to `WINDOW_HEIGHT_M`. So the
+    result, of three digits, carries the spread of window heights between buildings: good for
+    finding windows, not for measuring them. benchmarks/accuracy/picture_scale.py measures it.
 
     Parameters
     ----------
@@ -49,14 +49,27 @@ def estimate_m_per_px(image: OrthoImage, detector: WindowDetector) -> float | No
     best, estimate = 0.0, None
     for m_per_px in _ladder(*image.valid.shape):
         found = detector.detect(image, m_per_px)
-        sure = (found.labels == "window") & (found.scores >= detector.thresholds["window"])
-        boxes, scores = found.boxes_px[sure], found.scores[sure]
-        heights_m = np.maximum(boxes[:, 3] - boxes[:, 1], 1e-6) * m_per_px
-        deviation = np.log(heights_m / WINDOW_HEIGHT_M) / HEIGHT_SPREAD
-        total = float(np.sum(scores * np.exp(-0.5 * deviation**2)))
+        sure = found.select(
+            (found.labels == "window") & (found.scores >= detector.thresholds["window"])
+        )
+        total = _evidence(sure, m_per_px, detector.thresholds["window"])
         if total > best:
-            best, estimate = total, m_per_px * WINDOW_HEIGHT_M / float(np.median(heights_m))
-    return estimate and float(f"{estimate:.3g}")
+            height_m = m_per_px * np.median(sure.boxes_px[:, 3] - sure.boxes_px[:, 1])
+            change = 1 / np.clip(height_m / WINDOW_HEIGHT_M, 1 / LADDER, LADDER)
+            best, estimate = total, float(f"{m_per_px * change:.3g}")
+    return estimate
+
+
+def _evidence(sure: Detections, m_per_px: float, threshold: float) -> float:
+    """How much the sure windows speak for a scale.
+
+    The fourth root of the area stands between counting, which favours the many small things of an
+    enlarged picture that resemble windows, and adding up areas, which favours few large ones.
+    """
+    width_px, height_px = (sure.boxes_px[:, 2:] - sure.boxes_px[:, :2]).clip(1e-6).T
+    deviation = np.log(height_px * m_per_px / WINDOW_HEIGHT_M) / HEIGHT_SPREAD
+    usual = np.exp(-0.5 * deviation**2)
+    return float(np.sum((sure.scores - threshold) * usual * (width_px * height_px) ** 0.25))
 
 
 def _ladder(height_px: int, width_px: int) -> list[float]:
