@@ -80,7 +80,7 @@ def picture_overlay(rgb: Image, picture: Picture) -> Image:
 
 def _key(picture: Picture, width_px: int) -> Image:
     """A strip with the colour and number of every label and the scale, as wide as the picture."""
-    size_px = float(np.clip(width_px / 60, 12, 48))
+    size_px = max(12.0, width_px / 60)
     font = ImageFont.load_default(size_px)
     height_px = round(size_px * 2)
     strip = PilImage.new("RGB", (width_px, height_px), (255, 255, 255))
