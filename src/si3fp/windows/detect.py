@@ -24,6 +24,7 @@ from si3fp.errors import InputError
 from si3fp.geometry.boxes import iou_matrix
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Detections, Image, OrthoImage
+from si3fp.windows.interval import WwrErrors
 
 STRIDE_PX = 4
 TILE_PX = 1024
@@ -41,6 +42,11 @@ class WindowDetector(Protocol):
     @property
     def thresholds(self) -> Mapping[str, float]:
         """Recommended score by label where one image stands alone."""
+        ...
+
+    @property
+    def wwr_errors(self) -> WwrErrors | None:
+        """How windows over a whole facade are off; None without a calibration."""
         ...
 
     def detect(self, image: OrthoImage, m_per_px: float) -> Detections:
@@ -90,6 +96,7 @@ class OnnxDetector:
         self._thresholds = {name: float(v) for name, v in described["score_thresholds"].items()}
         self._calibration: dict[str, list[list[float]]] = described.get("calibration", {})
         self._spread_factor = float(described.get("spread_factor", 1.0))
+        self._wwr_errors = WwrErrors(**described["wwr"]) if "wwr" in described else None
         options = onnxruntime.SessionOptions()
         options.log_severity_level = 3
         self._session = onnxruntime.InferenceSession(
@@ -101,6 +108,11 @@ class OnnxDetector:
     def thresholds(self) -> Mapping[str, float]:
         """Recommended score by label where one image stands alone."""
         return self._thresholds
+
+    @property
+    def wwr_errors(self) -> WwrErrors | None:
+        """How windows over a whole facade are off; None without a calibration."""
+        return self._wwr_errors
 
     def detect(self, image: OrthoImage, m_per_px: float) -> Detections:
         """Boxes in pixels of the image, scores from `LOWEST_SCORE` upwards, labels.

@@ -1,0 +1,230 @@
+"""Scores made probabilities, and how far window-to-wall ratios are off, on the validation pictures.
+
+The constants go into detector.json, where the package reads them. What is reported of them comes
+from pictures that they were not fitted to: five parts, no source photo in two of them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import tempfile
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from si3fp.windows.detect import LAPLACE_SIGMA, OnnxDetector
+from si3fp.windows.interval import WwrErrors, wwr_interval
+from training.data import LABELS, M_PER_PX, Facade, data_folder, read_set, read_validation
+from training.matching import best_threshold, join
+from training.reliability import KNOTS, Curve, draw, fit_curve, reliability
+from training.walls import Picture, look
+
+FOLDS = 5
+_WEIGHTS = Path(__file__).parents[1] / "src/si3fp/windows/weights"
+_LOG = Path(__file__).with_name("log")
+
+
+def fit_spread_factor(pictures: list[Picture]) -> float:
+    """What makes the network's Laplace scales fit the sides of the hits: mean of error / scale."""
+    sigma = np.concatenate([picture.sigma[picture.matched.hits] for picture in pictures])
+    known = sigma > 0
+    error = np.concatenate([picture.errors_px for picture in pictures])
+    return _round((error[known] * LAPLACE_SIGMA / sigma[known]).mean()) if known.any() else 1.0
+
+
+def fit_errors(pictures: list[Picture], curve: Curve) -> WwrErrors:
+    """How ratios are off, from moments: what is observed less what the other terms explain."""
+    rows = []
+    for picture in pictures:
+        matched, hits = picture.matched, picture.matched.hits
+        area = matched.area / picture.wall_px2
+        probability = curve(matched.scores)
+        doubt = area * np.sqrt(probability * (1 - probability))
+        size = picture.boxes[:, 2:] - picture.boxes[:, :2]
+        variance = picture.sigma[:, :2] ** 2 + picture.sigma[:, 2:] ** 2
+        sides = (variance * size[:, ::-1] ** 2).sum(axis=1)[hits].sum() / picture.wall_px2**2
+        found, true = area[hits].sum(), matched.true_area.sum() / picture.wall_px2
+        real = (found - probability @ area) ** 2
+        rows.append(
+            (real, doubt @ doubt, doubt.sum() ** 2, (found - true) ** 2, sides, found**2,
+             picture.true_ratio - true)
+        )  # fmt: skip
+    real, alone, together, moved, sides, found, missed = np.array(rows).T
+    return WwrErrors(
+        correlation=_round(np.clip((real - alone).sum() / (together - alone).sum(), 0, 1)),
+        missed_mean=_round(missed.mean()),
+        missed_sd=_round(missed.std()),
+        common_sd=_round(np.sqrt(max((moved - sides).sum() / found.sum(), 0))),
+        part_sd=_round(np.sqrt(np.mean([picture.parts**2 for picture in pictures]))),
+    )
+
+
+def _round(value: float) -> float:
+    return round(float(value), 4)
+
+
+def folds(pictures: list[Picture], seed: int = 0) -> np.ndarray:
+    """(N,) number of the part of every picture; the pictures of one photo are in one part."""
+    groups = sorted({picture.group for picture in pictures})
+    order = np.random.default_rng(seed).permutation(len(groups))
+    part = {group: int(order[k]) % FOLDS for k, group in enumerate(groups)}
+    return np.array([part[picture.group] for picture in pictures])
+
+
+def coverage(names: list[str], truth: np.ndarray, intervals: np.ndarray) -> dict[str, dict]:
+    """By set: pictures, share of true ratios (N,) within intervals (N, 2), median width."""
+    inside = (intervals[:, 0] <= truth) & (truth <= intervals[:, 1])
+    width = intervals[:, 1] - intervals[:, 0]
+    sets = {name: np.array([other == name for other in names]) for name in sorted(set(names))}
+    sets["all"] = np.ones(len(names), bool)
+    return {
+        name: {
+            "pictures": int(mine.sum()),
+            "covered": _round(inside[mine].mean()),
+            "median_width": _round(np.median(width[mine])),
+            "median_ratio": _round(np.median(truth[mine])),
+        }
+        for name, mine in sets.items()
+    }
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What the pictures tell of a detector: probabilities at `KNOTS` and threshold by label."""
+
+    knots: dict[str, np.ndarray]
+    thresholds: dict[str, float]
+    spread_factor: float
+    errors: WwrErrors
+
+    def curve(self, label: str) -> Curve:
+        return lambda scores: np.interp(scores, KNOTS, self.knots[label])
+
+    def interval(self, picture: Picture) -> tuple[float, float]:
+        """90 % interval of the picture's ratio, as the package would give it."""
+        probability = self.curve("window")(picture.matched.scores)
+        scaled = replace(picture, sigma=picture.sigma * self.spread_factor)
+        boxes = scaled.windows(probability)
+        sure = int((probability >= self.thresholds["window"]).sum())  # best first
+        area_m2 = picture.wall_px2 * M_PER_PX**2
+        return wwr_interval(boxes[:sure], boxes[sure:], area_m2, 1.0, self.errors)
+
+
+def calibrate(pictures: list[Picture]) -> Calibration:
+    """The calibration that fits the pictures."""
+    found = {
+        "window": join([picture.matched for picture in pictures]),
+        "balcony": join([p.balconies for p in pictures if p.balconies is not None]),
+    }
+    knots = {label: fit_curve(m.scores, m.hits) for label, m in found.items()}
+    thresholds = {
+        # Rounded down: the box that sets it stays in.
+        label: float(np.floor(np.interp(best_threshold(m), KNOTS, knots[label]) * 1e4) / 1e4)
+        for label, m in found.items()
+    }
+    factor = fit_spread_factor(pictures)
+    scaled = [replace(picture, sigma=picture.sigma * factor) for picture in pictures]
+    errors = fit_errors(scaled, lambda scores: np.interp(scores, KNOTS, knots["window"]))
+    return Calibration(knots, thresholds, factor, errors)
+
+
+def cross_check(pictures: list[Picture]) -> tuple[dict[str, dict], dict[str, dict]]:
+    """`reliability` by label and `coverage` by set, each picture by a calibration without it."""
+    part = folds(pictures)
+    intervals = np.zeros((len(pictures), 2))
+    rows: dict[str, list[np.ndarray]] = {label: [] for label in LABELS}
+    for number in range(FOLDS):
+        kept = calibrate([p for p, k in zip(pictures, part, strict=True) if k != number])
+        for index in np.flatnonzero(part == number):
+            picture = pictures[index]
+            intervals[index] = kept.interval(picture)
+            for label, matched in (("window", picture.matched), ("balcony", picture.balconies)):
+                if matched is not None:
+                    probability = kept.curve(label)(matched.scores)
+                    rows[label].append(np.stack([probability, matched.hits, matched.scores]))
+    names = [picture.name for picture in pictures]
+    truth = np.array([picture.true_ratio for picture in pictures])
+    return (
+        {label: reliability(*np.concatenate(found, axis=1)) for label, found in rows.items()},
+        coverage(names, truth, intervals),
+    )
+
+
+def raw_detector(model: Path) -> OnnxDetector:
+    """The detector as it leaves the training, whatever its description says of a calibration."""
+    described = json.loads(model.with_suffix(".json").read_text())
+    for name in ("calibration", "spread_factor", "wwr"):
+        described.pop(name, None)
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "detector.onnx"
+        shutil.copyfile(model, copy)
+        copy.with_suffix(".json").write_text(json.dumps(described))
+        return OnnxDetector(copy)
+
+
+def source_photos(folder: Path) -> dict[str, str]:
+    """Source photo of the pictures of hslu-facades, by the name of `Facade`."""
+    name = "hslu-facades"
+    images = json.loads((folder / name / "annotations.coco.json").read_text())["images"]
+    return {f"{name}/{image['file_name']}": image["source"] for image in images}
+
+
+def check_elsewhere(model: Path, facades: list[Facade]) -> dict[str, dict]:
+    """`coverage` of the shipped constants on other pictures; nothing is fitted."""
+    described = json.loads(model.with_suffix(".json").read_text())
+    shipped = Calibration(
+        {label: np.array(curve[1]) for label, curve in described["calibration"].items()},
+        described["score_thresholds"],
+        described["spread_factor"],
+        WwrErrors(**described["wwr"]),
+    )
+    pictures = look(raw_detector(model), facades, {})
+    return coverage(
+        [picture.name for picture in pictures],
+        np.array([picture.true_ratio for picture in pictures]),
+        np.array([shipped.interval(picture) for picture in pictures]),
+    )
+
+
+def main() -> None:
+    """Write the calibration into the detector's description and draw the reliability diagram."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--data", help="data folder (default: SI3FP_TEST_DATA)")
+    parser.add_argument("--model", type=Path, default=_WEIGHTS / "detector.onnx")
+    parser.add_argument("--figure", type=Path, default=_LOG / "reliability.png")
+    parser.add_argument(
+        "--cmp", action="store_true", help="only say how cmp-facades are covered, write nothing"
+    )
+    options = parser.parse_args()
+    folder = data_folder(options.data)
+    if options.cmp:
+        print(json.dumps(check_elsewhere(options.model, read_set(folder, "cmp-facades")), indent=1))
+        return
+    detector = raw_detector(options.model)
+    pictures = look(detector, read_validation(folder), source_photos(folder))
+    result = calibrate(pictures)
+    reliable, covered = cross_check(pictures)
+    knots = {label: [KNOTS, probability] for label, probability in result.knots.items()}
+    card = options.model.with_suffix(".json")
+    document = json.loads(card.read_text()) | {
+        "score_threshold": result.thresholds["window"],
+        "score_thresholds": result.thresholds,
+        "calibration": {label: np.round(k, 5).tolist() for label, k in knots.items()},
+        "spread_factor": result.spread_factor,
+        "wwr": asdict(result.errors),
+        "reliability": reliable,
+        "wwr_coverage": covered,
+    }
+    fresh = card.with_suffix(".tmp.json")
+    fresh.write_text(json.dumps(document, indent=2) + "\n")
+    fresh.replace(card)
+    draw(reliable, options.figure)
+    shown = ("score_thresholds", "spread_factor", "wwr", "reliability", "wwr_coverage")
+    print(json.dumps({name: document[name] for name in shown}, indent=1))
+
+
+if __name__ == "__main__":
+    main()
