@@ -95,18 +95,20 @@ def read_set(
     names = {c["id"]: c["name"] for c in document["categories"]}
     by_image: dict[int, list[dict]] = {}
     for annotation in document["annotations"]:
-        if names[annotation["category_id"]] in table:
-            by_image.setdefault(annotation["image_id"], []).append(annotation)
+        by_image.setdefault(annotation["image_id"], []).append(annotation)
     classes = (WINDOW, BALCONY) if name == "hslu-facades" else (WINDOW,)
     facades = []
     for image in document["images"]:
         file_name = image["file_name"]
         if (keep is not None and file_name not in keep) or (drop and file_name in drop):
             continue
-        polygons, labels = [], []
-        for annotation in by_image.get(image["id"], []):
-            polygons.append(_polygon(annotation))
-            labels.append(table[names[annotation["category_id"]]])
+        annotations = [
+            (names[a["category_id"]], _polygon(a)) for a in by_image.get(image["id"], [])
+        ]
+        if name == "cmp-facades":
+            annotations = _with_blinds(annotations)
+        polygons = [polygon for kind, polygon in annotations if kind in table]
+        labels = [table[kind] for kind, _ in annotations if kind in table]
         if WINDOW not in labels:
             continue
         facade = _load(folder / name / file_name, f"{name}/{file_name}", polygons, labels)
@@ -145,12 +147,35 @@ def median_height(facade: Facade, matrix: np.ndarray | None = None) -> float:
     return float(np.median(heights)) if heights else 0.0
 
 
+def _with_blinds(annotations: list[tuple[str, np.ndarray]]) -> list[tuple[str, np.ndarray]]:
+    """(kind, polygon) with every blind made part of the window that it covers, as a box of both.
+
+    A blind covers a window if it lies by more than half in its box. Others go: an open shutter
+    stands beside its window and overlaps it by no more than the care of the annotation.
+    """
+    boxes = np.array([bounds(p) for kind, p in annotations if kind == "window"]).reshape(-1, 4)
+    joined = boxes.copy()
+    for blind in (bounds(p) for kind, p in annotations if kind == "blind"):
+        low, high = np.maximum(boxes[:, :2], blind[:2]), np.minimum(boxes[:, 2:], blind[2:])
+        common = np.clip(high - low, 0, None).prod(axis=1)
+        if len(boxes) and common.max() > 0.5 * (blind[2:] - blind[:2]).prod():
+            box = joined[common.argmax()]
+            box[:2], box[2:] = np.minimum(box[:2], blind[:2]), np.maximum(box[2:], blind[2:])
+    others = [a for a in annotations if a[0] not in ("window", "blind")]
+    return others + [("window", _ring(box)) for box in joined]
+
+
+def _ring(box: np.ndarray) -> np.ndarray:
+    left, top, right, bottom = box
+    return np.array([[left, top], [right, top], [right, bottom], [left, bottom]], float)
+
+
 def _polygon(annotation: dict) -> np.ndarray:
     rings = annotation.get("segmentation")
     if rings:
         return np.asarray(max(rings, key=len), float).reshape(-1, 2)
     x, y, w, h = annotation["bbox"]
-    return np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]], float)
+    return _ring(np.array([x, y, x + w, y + h]))
 
 
 def _load(path: Path, name: str, polygons: list[np.ndarray], labels: list[int]) -> Facade:
