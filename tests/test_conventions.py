@@ -105,7 +105,7 @@ def panorama_before_a_wall(name: str, heading_deg: float, centre_in_world) -> Pa
 
 def measured(box_px, grid, camera_in_facade, config):
     """The window of one detected box that one camera saw."""
-    fused = FusedDetections(Detections([box_px], [0.9], ["window"]), (("p",),), np.zeros((1, 4)))
+    fused = FusedDetections(Detections([box_px], [0.9], ["window"]), (("p",),))
     (window,) = measure_windows(
         fused, Detections([], [], []), grid, {"p": np.array(camera_in_facade)}, config
     )

@@ -32,7 +32,24 @@ def test_median_box_and_mean_root_score():
     assert fused.detections.boxes_px.tolist() == [[11, 10, 31, 40]]
     assert fused.detections.scores == pytest.approx([(0.9 + 0.7 + 0.5) / 3])
     assert fused.views == (("a", "b", "c"),)
-    assert fused.spread_px[0] == pytest.approx([1.4826, 0, 1.4826, 0])
+
+
+def test_scatter_between_views_averages_out_and_what_they_share_does_not():
+    def known(*row):
+        return Detections([row], [0.8], ["window"], np.full((1, 4), 3.0))
+
+    views = {str(x): known(10 + x, 10, 30, 40) for x in (-1, 0, 1, 0)}
+    views |= {name + "b": found for name, found in views.items()}
+    fused = fuse_views(views, PAPER)
+    scatter = np.median([1, 0, 1, 1, 0, 1]) * 1.4826
+    assert fused.detections.edge_sigma_px[0] == pytest.approx(
+        [np.sqrt(9 - scatter**2 + np.pi / 2 * scatter**2 / 6), 3, 3, 3]
+    )
+
+
+def test_views_that_agree_tell_nothing_of_how_right_they_are():
+    views = {"a": found((10, 10, 30, 40, 0.8)), "b": found((12, 10, 30, 40, 0.8))}
+    assert not fuse_views(views, PAPER).detections.edge_sigma_px.any()
 
 
 def test_two_boxes_of_one_view_are_not_two_views():
@@ -106,7 +123,6 @@ def test_both_sources_make_one_window():
         agreed((10, 10, 30, 40, 0.5)),
         found((11, 10, 31, 41, 0.6)),
         [view("a"), view("b")],
-        0.4,
         PAPER,
     )
     assert len(both.detections) == 1
@@ -117,24 +133,29 @@ def test_both_sources_make_one_window():
 def test_sides_are_those_of_the_views_unless_they_saw_another_box():
     views = [view("a"), view("b")]
     rows = agreed((10, 10, 30, 40, 0.5))
-    close = combine(rows, found((11, 10, 31, 41, 0.6)), views, 0.4, PAPER)
+    close = combine(rows, found((11, 10, 31, 41, 0.6)), views, PAPER)
     assert close.detections.boxes_px.tolist() == [[10, 10, 30, 40]]
-    double = combine(rows, found((10, 10, 50, 40, 0.6)), views, 0.4, PAPER)
+    double = combine(rows, found((10, 10, 50, 40, 0.6)), views, PAPER)
     assert double.detections.boxes_px.tolist() == [[10, 10, 50, 40]]
 
 
-def test_the_fused_image_alone_needs_the_detectors_threshold():
-    nothing = fuse_views({}, PAPER)
-    views = [view("a"), view("b")]
-    weak = combine(nothing, found((10, 10, 30, 40, 0.35)), views, 0.4, PAPER)
-    strong = combine(nothing, found((10, 10, 30, 40, 0.45)), views, 0.4, PAPER)
-    assert len(weak.detections) == 0
-    assert strong.views == (("a", "b"),)
+def test_what_the_fused_image_alone_shows_keeps_its_score_and_names_who_saw_the_place():
+    alone = combine(
+        fuse_views({}, PAPER), found((10, 10, 30, 40, 0.35)), [view("a"), view("b")], PAPER
+    )
+    assert alone.detections.scores.tolist() == [0.35]
+    assert alone.views == (("a", "b"),)
 
 
-def test_the_views_alone_need_most_of_those_that_saw_the_place():
-    nothing = found()
+def test_the_views_alone_score_by_the_share_of_those_that_saw_the_place():
     rows = agreed((10, 10, 30, 40, 0.5))
-    assert len(combine(rows, nothing, [view("a"), view("b")], 0.4, PAPER).detections) == 1
-    many = [view(name) for name in "abcdef"]
-    assert len(combine(rows, nothing, many, 0.4, PAPER).detections) == 0
+    few = combine(rows, found(), [view("a"), view("b")], PAPER)
+    many = combine(rows, found(), [view(name) for name in "abcdef"], PAPER)
+    assert few.detections.scores == pytest.approx([0.5])
+    assert many.detections.scores == pytest.approx([0.5 / 3])
+
+
+def test_weak_boxes_are_kept_but_confirmed_by_nobody():
+    views = [view("a"), view("b")]
+    both = combine(agreed((10, 10, 30, 40, 0.9)), found((10, 10, 30, 40, 0.1)), views, PAPER)
+    assert both.detections.scores == pytest.approx([0.9, 0.1])

@@ -14,9 +14,9 @@ GRID = FacadeGrid(Rigid3(np.eye(3), np.zeros(3)), 1000, 500, 0.02)
 NO_BALCONY = Detections(np.zeros((0, 4)), np.zeros(0), np.zeros(0, str))
 
 
-def one(box, views=("a",), score=0.8):
-    found = Detections(np.array([box], float), np.array([score]), np.array(["window"]))
-    return FusedDetections(found, (views,), np.zeros((1, 4)))
+def one(box, views=("a",), score=0.8, sigma=0.5):
+    found = Detections([box], [score], ["window"], np.full((1, 4), sigma))
+    return FusedDetections(found, (views,))
 
 
 def test_pixels_to_metres_from_the_lower_left_corner():
@@ -114,3 +114,18 @@ def test_a_tall_opening_behind_a_balcony_is_a_balcony_door():
 
 def test_edges_from_box_by_hand():
     assert edges_from_box(np.array([0.0, 400, 50, 500]), GRID) == pytest.approx([0, 1, 0, 2])
+
+
+def test_a_side_that_the_network_does_not_know_gets_the_assumed_uncertainty():
+    plain = MeasureConfig(correct_recess=False, recess_sigma_m=0.0)
+    (told,) = measure_windows(one([100, 50, 160, 150], sigma=3), NO_BALCONY, GRID, {}, plain)
+    (untold,) = measure_windows(one([100, 50, 160, 150], sigma=0), NO_BALCONY, GRID, {}, plain)
+    assert told.edge_sigma_m == pytest.approx((0.06,) * 4)
+    assert untold.edge_sigma_m == pytest.approx((plain.box_sigma_m,) * 4)
+
+
+def test_notes_become_evidence():
+    box = one([100, 50, 160, 150])
+    noted = FusedDetections(box.detections, box.views, ("lights joined",))
+    (window,) = measure_windows(noted, NO_BALCONY, GRID, {}, MeasureConfig())
+    assert "; lights joined; " in window.evidence

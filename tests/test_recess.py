@@ -190,7 +190,6 @@ def test_measured_windows_carry_their_recess_and_how_it_is_known():
     found = FusedDetections(
         Detections(BOXES[:2], np.full(2, 0.9), np.full(2, "window")),
         (("view0", "view1"),) * 2,
-        np.zeros((2, 4)),
     )
     none = Detections(np.zeros((0, 4)), np.zeros(0), np.zeros(0, str))
     recesses = (RecessEstimate(0.2, 0.02, 0.0, 5), UNKNOWN_RECESS)
@@ -235,7 +234,6 @@ def test_opening_is_the_box_with_the_correction_of_the_window():
     found = FusedDetections(
         Detections(BOXES[:1], np.array([0.9]), np.array(["window"])),
         (("view0",),),
-        np.zeros((1, 4)),
     )
     none = Detections(np.zeros((0, 4)), np.zeros(0), np.zeros(0, str))
     (window,) = measure_windows(found, none, GRID, CAMERAS, CONFIG, [recess])

@@ -34,7 +34,7 @@ def boxes(*rows):
     found = Detections(
         np.array(rows, float), np.full(len(rows), 0.8), np.array(["window"] * len(rows))
     )
-    return FusedDetections(found, tuple(("a",) for _ in rows), np.zeros((len(rows), 4)))
+    return FusedDetections(found, tuple(("a",) for _ in rows))
 
 
 TRUE = [(100, 80, 160, 180), (300, 80, 360, 180), (500, 80, 560, 180), (700, 80, 760, 180)]

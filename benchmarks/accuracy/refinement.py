@@ -41,7 +41,7 @@ def main() -> None:
             true = sample.boxes[sample.labels == WINDOW]
             if not len(found) or not len(true):
                 continue
-            fused = FusedDetections(found, ((),) * len(found), np.zeros((len(found), 4)))
+            fused = FusedDetections(found, ((),) * len(found))
             refined = refine_boxes(fused, image, M_PER_PX, MeasureConfig()).detections
             overlap = iou_matrix(found.boxes_px, true)
             for i in np.flatnonzero(overlap.max(axis=1) > 0.5):

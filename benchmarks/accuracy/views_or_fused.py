@@ -27,6 +27,7 @@ from si3fp.ortho import wall_resolution
 from si3fp.records import facade_from_records
 from si3fp.windows.detect import OnnxDetector
 from si3fp.windows.fuse import FusedDetections, combine, fuse_views
+from si3fp.windows.join import join_openings
 from si3fp.windows.measure import measure_windows
 from si3fp.windows.parse import of_label
 from si3fp.windows.recess import estimate_recess
@@ -95,12 +96,10 @@ def windows_by(
         together = agreed
     else:
         together = combine(
-            agreed if way == "both" else fuse_views({}, fusion),
-            on_fused if way != "views" else nothing,
-            parsed.views,
-            threshold,
-            fusion,
+            agreed if way == "both" else fuse_views({}, fusion), on_fused, parsed.views, fusion
         )
+        sure = np.flatnonzero(together.detections.scores >= threshold)
+        together = join_openings(together.select(sure), parsed.fused, parsed.grid.m_per_px, measure)
     refined: FusedDetections = refine_boxes(together, parsed.fused, parsed.grid.m_per_px, measure)
     recesses = estimate_recess(
         refined.detections.boxes_px, parsed.views, parsed.cameras, parsed.grid.m_per_px, measure

@@ -66,6 +66,7 @@ def verbs() -> None:
 @click.option("--country", help="Country of the thermal tables (default SE).")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
 @click.option("--no-recess-correction", is_flag=True, help="Leave window edges as they appear.")
+@click.option("--no-inferred", is_flag=True, help="Add no windows that only rows and columns tell.")
 @click.option("--overwrite", is_flag=True, help="Replace what the folder holds.")
 def street(
     panoramas: Path,
@@ -79,6 +80,7 @@ def street(
     country: str | None,
     seed: int,
     no_recess_correction: bool,
+    no_inferred: bool,
     overwrite: bool,
 ) -> None:
     """Street panoramas to a thermal model (steps S.1 to S.4, M.1, M.2).
@@ -94,6 +96,8 @@ def street(
         config = replace(config, thermal=replace(config.thermal, country=country))
     if no_recess_correction:
         config = replace(config, measure=replace(config.measure, correct_recess=False))
+    if no_inferred:
+        config = replace(config, measure=replace(config.measure, infer=False))
     with progress_bars() as progress:
         run = run_street(
             panoramas,

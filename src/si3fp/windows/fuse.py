@@ -19,8 +19,8 @@ from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Detections, OrthoImage
 
 SAME_IOU = 0.7
-NESTED_SHARE = 0.8
-NESTED_SCORE = 0.7
+MEDIAN_COST = np.pi / 2
+"""Variance of a median over that of a mean."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,16 +30,28 @@ class FusedDetections:
     Attributes
     ----------
     detections
-        Median boxes, merged scores, labels.
+        Median boxes, merged scores, labels, and the standard deviations of the merged sides.
     views
         Per detection the ids of the views that found it, sorted.
-    spread_px
-        (N, 4) robust standard deviation of the four sides between the views; 0 with one view.
+    notes
+        Per detection what happened to it, in words; empty for all if left out.
     """
 
     detections: Detections
     views: tuple[tuple[str, ...], ...]
-    spread_px: FloatArray
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.notes:
+            object.__setattr__(self, "notes", ("",) * len(self.views))
+
+    def select(self, index: NDArray[np.int_]) -> FusedDetections:
+        """The detections at an integer index, in its order."""
+        return FusedDetections(
+            self.detections.select(index),
+            tuple(self.views[i] for i in index),
+            tuple(self.notes[i] for i in index),
+        )
 
 
 def fuse_views(
@@ -68,7 +80,7 @@ def fuse_views(
     confident = everything.scores >= config.min_score
     everything, sources = everything.select(confident), sources[confident]
 
-    boxes, scores, labels, views, spreads = [], [], [], [], []
+    boxes, scores, labels, views, sigmas = [], [], [], [], []
     for members in _groups(everything, config.group_iou):
         found_by = tuple(sorted(set(sources[members].tolist())))
         merged = float(np.sqrt(everything.scores[members]).mean())
@@ -85,113 +97,93 @@ def fuse_views(
         scores.append(merged)
         labels.append(everything.labels[members[0]])
         views.append(found_by)
-        spreads.append(1.4826 * np.median(np.abs(corners - box), axis=0))
-    order = np.argsort(-np.array(scores), kind="stable")
-    return FusedDetections(
-        Detections(np.array(boxes), np.array(scores), np.array(labels, np.str_)).select(order),
-        tuple(views[i] for i in order),
-        np.array(spreads).reshape(-1, 4)[order],
+        sigmas.append(_median_sigma(corners, everything.edge_sigma_px[members]))
+    merged_all = Detections(
+        np.array(boxes), np.array(scores), np.array(labels, np.str_), np.array(sigmas)
     )
+    return FusedDetections(merged_all, tuple(views)).select(
+        np.argsort(-np.array(scores), kind="stable")
+    )
+
+
+def _median_sigma(corners: FloatArray, sigma: FloatArray) -> FloatArray:
+    """Standard deviation (4,) of the median of sides (N, 4), each known to ``sigma`` (N, 4).
+
+    What scatters between the views averages out; the rest of the network's own uncertainty is
+    common to all views of the same window and does not. 0 where the network tells none: views that
+    agree may all be wrong.
+    """
+    if not sigma.all():
+        return np.zeros(4)
+    scatter = (1.4826 * np.median(np.abs(corners - np.median(corners, axis=0)), axis=0)) ** 2
+    common = np.clip((sigma**2).mean(axis=0) - scatter, 0, None)
+    total: FloatArray = np.sqrt(common + MEDIAN_COST * scatter / len(corners))
+    return total
 
 
 def combine(
     agreed: FusedDetections,
     on_fused: Detections,
     views: Sequence[OrthoImage],
-    threshold: float,
     config: FusionConfig,
 ) -> FusedDetections:
-    """Windows of the views and of the fused image as one list, best first.
+    """All that the views and the fused image propose as one list, best first.
 
     Parameters
     ----------
     agreed
         What several views agree on, from `fuse_views`.
     on_fused
-        Detections on the fused image of the same grid.
+        Detections on the fused image of the same grid, best first.
     views
         The registered views.
-    threshold
-        Recommended score of the detector.
     config
-        IoU that makes two boxes one.
+        IoU that makes two boxes one, score from which a box may have partners.
 
     Notes
     -----
     What is a window, the fused image tells better: it is sharp and free of what hides a part of one
     view. Where its sides are, the median over the views does
-    (docs/decisions/0004-views-or-fused-image.md, with the measurement). A box of the fused image
-    alone needs the detector's own threshold; one of the views alone needs the mean score over all
-    views that saw the place to reach it.
+    (docs/decisions/0004-views-or-fused-image.md, with the measurement). The score is that of the
+    fused image or the views' own, whichever is higher; one of the views alone is their mean score
+    over all views that saw the place. The caller sets the threshold.
     """
-    strong = on_fused.select(on_fused.scores >= config.min_score)
-    overlap = iou_matrix(strong.boxes_px, agreed.detections.boxes_px)
-    boxes, scores, names, spreads = [], [], [], []
+    overlap = iou_matrix(on_fused.boxes_px, agreed.detections.boxes_px)
+    boxes, scores, names, sigmas = [], [], [], []
     taken = np.zeros(len(agreed.detections), bool)
-    for index, box in enumerate(strong.boxes_px):
+    for index, box in enumerate(on_fused.boxes_px):
+        score = on_fused.scores[index]
         partners = np.flatnonzero((overlap[index] > config.group_iou) & ~taken)
-        score = strong.scores[index]
-        if len(partners):
+        if len(partners) and score >= config.min_score:
             partner = partners[overlap[index, partners].argmax()]
             taken[partner] = True
-            agreement = float(agreed.detections.scores[partner]) ** 2
-            if max(score, agreement) < threshold:
-                continue
             # Views that see half a window, or two as one, only confirm it.
             same = overlap[index, partner] >= SAME_IOU
-            boxes.append(agreed.detections.boxes_px[partner] if same else box)
-            scores.append(max(score, agreement))
+            sides = agreed.detections if same else on_fused
+            at = partner if same else index
+            boxes.append(sides.boxes_px[at])
+            sigmas.append(sides.edge_sigma_px[at])
+            scores.append(max(score, float(agreed.detections.scores[partner]) ** 2))
             names.append(agreed.views[partner])
-            spreads.append(agreed.spread_px[partner])
-        elif score >= threshold:
+        else:
             boxes.append(box)
+            sigmas.append(on_fused.edge_sigma_px[index])
             scores.append(score)
             names.append(views_that_saw(box, views))
-            spreads.append(np.zeros(4))
     for index in np.flatnonzero(~taken).tolist():
         box = agreed.detections.boxes_px[index]
-        if boxes and iou_matrix(box[None], np.array(boxes)).max() > config.group_iou:
-            continue
         saw = max(len(views_that_saw(box, views)), 1)
         share = min(1.0, len(agreed.views[index]) / saw)
-        score = float(agreed.detections.scores[index]) ** 2 * share
-        if score >= threshold:
-            boxes.append(box)
-            scores.append(score)
-            names.append(agreed.views[index])
-            spreads.append(agreed.spread_px[index])
-    kept = Detections(np.array(boxes), np.array(scores), np.full(len(boxes), "window"))
-    order = _not_nested(kept)
-    return FusedDetections(
-        kept.select(order),
-        tuple(names[i] for i in order),
-        np.array(spreads).reshape(-1, 4)[order],
+        boxes.append(box)
+        sigmas.append(agreed.detections.edge_sigma_px[index])
+        scores.append(float(agreed.detections.scores[index]) ** 2 * share)
+        names.append(agreed.views[index])
+    proposed = Detections(
+        np.array(boxes), np.array(scores), np.full(len(boxes), "window"), np.array(sigmas)
     )
-
-
-def _not_nested(detections: Detections) -> NDArray[np.int_]:
-    """Indices, best first, without boxes inside another: the lights of a window are no windows.
-
-    Of a box and what lies in it, the outer one stays unless its score is much lower.
-    """
-    boxes, scores = detections.boxes_px, detections.scores
-    low = np.maximum(boxes[:, None, :2], boxes[None, :, :2])
-    high = np.minimum(boxes[:, None, 2:], boxes[None, :, 2:])
-    common = np.prod(np.clip(high - low, 0, None), axis=-1)
-    area = np.prod(boxes[:, 2:] - boxes[:, :2], axis=-1)
-    # inside[i, j]: most of i lies in j, which is larger.
-    inside = (common > NESTED_SHARE * area[:, None]) & (area[:, None] < area[None])
-    dropped = np.zeros(len(boxes), bool)
-    for outer in np.argsort(-area, kind="stable"):
-        inner = np.flatnonzero(inside[:, outer] & ~dropped)
-        if not len(inner) or dropped[outer]:
-            continue
-        if scores[outer] >= NESTED_SCORE * scores[inner].max():
-            dropped[inner] = True
-        else:
-            dropped[outer] = True
-    order = np.argsort(-scores, kind="stable")
-    return order[~dropped[order]]
+    return FusedDetections(proposed, tuple(names)).select(
+        np.argsort(-proposed.scores, kind="stable")
+    )
 
 
 def views_that_saw(box_px: FloatArray, views: Sequence[OrthoImage]) -> tuple[str, ...]:
@@ -213,6 +205,7 @@ def _joined(parts: Sequence[Detections]) -> Detections:
         np.concatenate([part.boxes_px for part in parts]),
         np.concatenate([part.scores for part in parts]),
         np.concatenate([part.labels for part in parts]),
+        np.concatenate([part.edge_sigma_px for part in parts]),
     )
 
 

@@ -23,6 +23,8 @@ from si3fp.windows.recess import UNKNOWN_RECESS, RecessEstimate
 BALCONY_DOOR_HEIGHT_M = 1.8
 MIN_DISTANCE_M = 0.5
 """Cameras nearer to the wall plane tell nothing about it."""
+LEAST_SIGMA_PX = 0.5
+"""No side is known better than this."""
 OUTWARD = np.array([-1.0, 1.0, -1.0, 1.0])
 """Sign of an outward move of the left, right, bottom and top edge."""
 
@@ -53,24 +55,24 @@ def measure_windows(
         Recess of every window by parallax; where it is not known, the assumed one is corrected.
     """
     windows = []
-    for box_px, score, views, spread_px, recess in zip(
+    for box_px, score, views, sigma_px, note, recess in zip(
         fused.detections.boxes_px,
         fused.detections.scores,
         fused.views,
-        fused.spread_px,
+        fused.detections.edge_sigma_px,
+        fused.notes,
         [UNKNOWN_RECESS] * len(fused.views) if recesses is None else recesses,
         strict=True,
     ):
         edges_m = edges_from_box(box_px, grid)
         width_m, height_m = edges_m[1] - edges_m[0], edges_m[3] - edges_m[2]
-        if min(width_m, height_m) < config.min_size_m:
+        if min(width_m, height_m) < config.min_size_m or stands_on_ground(edges_m, config):
             continue
-        if edges_m[2] < config.door_sill_m and height_m > config.door_height_m:
-            continue  # it stands on the ground: an entrance, a gate, an arcade
         lever = recess_lever(edges_m, list(cameras_in_facade.values()))
+        own_m = np.maximum(sigma_px[[0, 2, 3, 1]], LEAST_SIGMA_PX) * grid.m_per_px
+        own_m = np.where(sigma_px[[0, 2, 3, 1]] > 0, own_m, config.box_sigma_m)
         sigma_m = np.hypot(
-            np.maximum(spread_px[[0, 2, 3, 1]] / np.sqrt(max(len(views), 1)), 0.5) * grid.m_per_px,
-            lever * (config.recess_sigma_m if recess.recess_m is None else recess.sigma_m),
+            own_m, lever * (config.recess_sigma_m if recess.recess_m is None else recess.sigma_m)
         )
         correction_m = recess_correction(lever, recess, config)
         left, right, bottom, top = np.clip(
@@ -88,7 +90,7 @@ def measure_windows(
                 edge_sigma_m=_four(sigma_m),
                 recess_m=None if recess.recess_m is None else round(recess.recess_m, 3),
                 correction_m=_four(correction_m),
-                evidence=_evidence(len(views), recess, config),
+                evidence=_evidence(len(views), recess, note, config),
             )
         )
     return tuple(sorted(windows, key=lambda w: (-round(w.y_m, 1), w.x_m)))
@@ -98,6 +100,12 @@ def edges_from_box(box_px: FloatArray, grid: FacadeGrid) -> FloatArray:
     """Left, right, bottom, top (4,) in metres of a pixel box x0 y0 x1 y1."""
     corners = grid.facade_from_pixels(np.array([[box_px[0], box_px[3]], [box_px[2], box_px[1]]]))
     return np.array([corners[0, 0], corners[1, 0], corners[0, 1], corners[1, 1]])
+
+
+def stands_on_ground(edges_m: FloatArray, config: MeasureConfig) -> bool:
+    """Whether an opening left, right, bottom, top is an entrance, a gate or an arcade."""
+    low = bool(edges_m[2] < config.door_sill_m)
+    return low and bool(edges_m[3] - edges_m[2] > config.door_height_m)
 
 
 def opening_box(
@@ -160,7 +168,7 @@ def _label(box_px: FloatArray, balconies: Detections, grid: FacadeGrid) -> Windo
     return "window"
 
 
-def _evidence(views: int, recess: RecessEstimate, config: MeasureConfig) -> str:
+def _evidence(views: int, recess: RecessEstimate, note: str, config: MeasureConfig) -> str:
     if recess.recess_m is None:
         depth = f"assumed recess of {config.assumed_recess_m:.2f} m"
     else:
@@ -169,7 +177,8 @@ def _evidence(views: int, recess: RecessEstimate, config: MeasureConfig) -> str:
             f"from parallax of {recess.views} views"
         )
     corrected = "corrected" if config.correct_recess else "not corrected"
-    return f"seen in {views} view{'s' if views != 1 else ''}; {depth} {corrected}"
+    seen = f"seen in {views} view{'s' if views != 1 else ''}"
+    return "; ".join(part for part in (seen, note, f"{depth} {corrected}") if part)
 
 
 def _four(values: FloatArray) -> tuple[float, float, float, float]:

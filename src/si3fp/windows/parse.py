@@ -12,9 +12,18 @@ from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Detections, FacadeViews, OrthoImage, Window
 from si3fp.windows.detect import WindowDetector
 from si3fp.windows.fuse import combine, fuse_views
-from si3fp.windows.measure import measure_windows, opening_box
+from si3fp.windows.join import join_openings
+from si3fp.windows.lattice import complete_windows
+from si3fp.windows.measure import (
+    edges_from_box,
+    measure_windows,
+    opening_box,
+    stands_on_ground,
+)
 from si3fp.windows.recess import UNKNOWN_RECESS, estimate_recess
 from si3fp.windows.refine import refine_boxes
+from si3fp.windows.regular import correct_windows
+from si3fp.windows.seen import wall_seen
 from si3fp.windows.sharpen import sharpen_windows
 
 
@@ -72,7 +81,9 @@ def parse_facade(
         {view.source: view.valid for view in best},
     )
     threshold = detector.thresholds["window"]
-    together = combine(agreed, of_label(on_fused), views.views, threshold, fusion)
+    proposed = combine(agreed, of_label(on_fused), views.views, fusion)
+    sure = proposed.detections.scores >= threshold
+    together = join_openings(proposed.select(np.flatnonzero(sure)), fused, grid.m_per_px, measure)
     refined = refine_boxes(together, fused, grid.m_per_px, measure)
     balconies = of_label(on_fused, "balcony")
     balconies = balconies.select(balconies.scores >= detector.thresholds["balcony"])
@@ -81,6 +92,18 @@ def parse_facade(
     if measure.measure_recess:
         recesses = estimate_recess(boxes, views.views, cameras_in_facade, grid.m_per_px, measure)
     windows = measure_windows(refined, balconies, grid, cameras_in_facade, measure, recesses)
+    weak = proposed.select(np.flatnonzero(~sure))
+    candidates = measure_windows(weak, balconies, grid, cameras_in_facade, measure)
+    seen = wall_seen(fused, views.views)
+    windows = correct_windows(windows, seen, grid, measure)
+    entrances = [
+        edges
+        for edges in (edges_from_box(box, grid) for box in boxes)
+        if stands_on_ground(edges, measure)
+    ]
+    windows = complete_windows(
+        windows, candidates, np.array(entrances).reshape(-1, 4), seen, grid, threshold, measure
+    )
     openings = [
         opening_box(box, grid, cameras_in_facade, recess, measure)
         for box, recess in zip(boxes, recesses, strict=True)

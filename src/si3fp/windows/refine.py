@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from si3fp.config import MeasureConfig
 from si3fp.geometry.rigid import FloatArray
-from si3fp.model import Detections, OrthoImage
+from si3fp.model import OrthoImage
 from si3fp.windows.fuse import FusedDetections
 
 COLOUR_BINS = 12
@@ -32,6 +32,8 @@ LIKENESS_WEIGHT = 0.25
 EDGE_WEIGHT = 3.0
 EDGE_SLOPE = 6.0
 """Grey levels per pixel at which an edge counts half."""
+LEAST_SIGMA_PX = 0.5
+"""No detected side is known better than this."""
 CORE_SHARE = 0.2
 """Share of the size that is left out on each side where the inside's colours are learnt."""
 
@@ -39,12 +41,15 @@ CORE_SHARE = 0.2
 def refine_boxes(
     fused: FusedDetections, image: OrthoImage, m_per_px: float, config: MeasureConfig
 ) -> FusedDetections:
-    """The same windows with their sides moved; sides without evidence stay where they are.
+    """The same windows with their sides moved and the standard deviations of these.
+
+    Sides without evidence stay where they are.
 
     Parameters
     ----------
     fused
-        Boxes in pixels of the image.
+        Boxes in pixels of the image. Where the network tells how far a side may lie off, that
+        bounds how far it moves, else ``config.box_sigma_m`` does.
     image
         The fused orthophoto.
     m_per_px
@@ -62,21 +67,22 @@ def refine_boxes(
     evidence = np.stack(
         [_evidence(box, boxes, colours, strength, offsets, m_per_px, image.valid) for box in boxes]
     )
-    prior = -0.5 * (offsets * m_per_px / config.box_sigma_m) ** 2
+    told = fused.detections.edge_sigma_px * m_per_px
+    told = np.where(told > 0, np.maximum(told, LEAST_SIGMA_PX * m_per_px), config.box_sigma_m)
+    prior = -0.5 * (offsets * m_per_px / told[..., None]) ** 2
     shared = _shared_offsets(boxes, evidence + prior, offsets)
-    moves = np.zeros((len(boxes), 4))
-    for index in range(len(boxes)):
-        near = -0.5 * ((offsets - shared[index][:, None]) * m_per_px / config.own_sigma_m) ** 2
-        total = evidence[index] + prior + near
-        best = total.argmax(axis=1)
-        moves[index] = offsets[best] + _peak_offset(total, best)
-    sign = np.array([-1.0, -1.0, 1.0, 1.0])
-    moved = boxes + sign * moves
+    near = -0.5 * ((offsets - shared[..., None]) * m_per_px / config.own_sigma_m) ** 2
+    total = evidence + prior + near
+    # The mean of a side's distribution errs less than its peak, and its width is what to expect.
+    weight = np.exp(total - total.max(axis=-1, keepdims=True))
+    weight /= weight.sum(axis=-1, keepdims=True)
+    moves = (weight * offsets).sum(axis=-1)
+    sigma = np.sqrt((weight * (offsets - moves[..., None]) ** 2).sum(axis=-1))
+    moved = boxes + np.array([-1.0, -1.0, 1.0, 1.0]) * moves
     keep_size = (moved[:, 2:] - moved[:, :2]) > 0.4 * (boxes[:, 2:] - boxes[:, :2])
     moved = np.where(np.tile(keep_size, 2), moved, boxes)
-    return replace(
-        fused, detections=Detections(moved, fused.detections.scores, fused.detections.labels)
-    )
+    found = replace(fused.detections, boxes_px=moved, edge_sigma_px=sigma)
+    return replace(fused, detections=found)
 
 
 def _colour_index(image: OrthoImage) -> NDArray[np.int_]:
@@ -232,14 +238,3 @@ def _shared_offsets(
         total = evidence[alike].mean(axis=0)
         shared[index] = offsets[total.argmax(axis=1)]
     return shared
-
-
-def _peak_offset(total: FloatArray, best: NDArray[np.intp]) -> FloatArray:
-    """Sub-pixel part of the best offset (4,) by a parabola through its neighbours."""
-    count = total.shape[1]
-    inner = np.clip(best, 1, count - 2)
-    rows = np.arange(len(total))
-    before, here, after = total[rows, inner - 1], total[rows, inner], total[rows, inner + 1]
-    bend = before - 2 * here + after
-    shift = np.where(np.abs(bend) > 1e-9, 0.5 * (before - after) / np.where(bend == 0, 1, bend), 0)
-    return np.where(inner == best, np.clip(shift, -0.5, 0.5), 0.0)
