@@ -26,7 +26,7 @@ from training.anchors import (
     match,
 )
 from training.augment import Sample
-from training.data import Facade
+from training.data import M_PER_PX, Facade
 from training.paper import batch_of, box_loss, focal_loss, rate
 from training.recipes import CPU, PAPER, jittered, training_sample
 from training.retinanet import FrozenBatchNorm, RetinaNet, export_onnx, load_published
@@ -297,11 +297,14 @@ def test_learns_a_handful_of_pictures(narrow_run: paper.Run) -> None:
     batch = batch_of(samples)
     for step in range(150):
         narrow_run.advance(batch, step / 150)
-    for sample in samples:
-        boxes, scores, labels = paper.detect(narrow_run.model, sample.image, narrow_run.recipe)
+    narrow_run.save()
+    model = paper.load_trained(narrow_run.out / "weights.pt", narrow_run.recipe)
+    for sample, half in zip(samples, (1, 2), strict=True):
+        image = np.kron(sample.image, np.ones((half, half, 1), np.uint8))  # twice the pixels
+        boxes, scores, labels = paper.detect(model, image, M_PER_PX / half, narrow_run.recipe)
         found = boxes[(scores > 0.5) & (labels == 0)]
         assert len(found) == 2
-        assert iou(sample.boxes[:2], found).max(axis=1).min() > 0.7
+        assert iou(half * sample.boxes[:2], found).max(axis=1).min() > 0.7
 
 
 def test_a_killed_run_goes_on(narrow_run: paper.Run) -> None:

@@ -24,7 +24,7 @@ from torch.utils.data import DataLoader, IterableDataset
 from si3fp.errors import Si3fpError
 from training.anchors import BACKGROUND, MULTIPLE_PX, NEITHER, anchors, detections, match
 from training.augment import Sample
-from training.data import Facade, data_folder, read_training
+from training.data import M_PER_PX, Facade, data_folder, read_training
 from training.recipes import RECIPES, Recipe, training_sample
 from training.retinanet import MEAN_RGB, RetinaNet, load_published
 
@@ -208,32 +208,37 @@ def _append(path: Path, run: Run, mean: dict[str, float]) -> None:
     print(row, flush=True)
 
 
-def detect(
-    model: RetinaNet, image: np.ndarray, recipe: Recipe
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Boxes (K, 4) px, scores (K,) and labels (K,) of an RGB uint8 picture, best first.
+def load_trained(path: Path, recipe: Recipe) -> RetinaNet:
+    """Network with the ``weights.pt`` of a run of the recipe, ready to detect."""
+    model = RetinaNet(1, "frozen" if recipe.published_weights else "batch")
+    model.load_state_dict(torch.load(path, map_location="cpu", weights_only=True))
+    return model.to(memory_format=torch.channels_last).eval()
 
-    With a recipe of crops, the picture is at the scale of `training.data`; with whole pictures its
-    scale does not matter.
+
+def detect(
+    model: RetinaNet, image: np.ndarray, m_per_px: float, recipe: Recipe
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Boxes (K, 4) px, scores (K,) and labels (K,) in an RGB uint8 picture, best first.
+
+    Whole pictures come at the recipe's sides, whatever their ``m_per_px``; with a recipe of crops
+    they come at the scale of training.
     """
     height, width = image.shape[:2]
-    large = image
     if recipe.crop_px is None:
         sides = recipe.inference_shortest_px, recipe.inference_longest_px
         scale = min(sides[0] / min(width, height), sides[1] / max(width, height))
-        large = cv2.resize(image, (round(width * scale), round(height * scale)))
+    else:
+        scale = m_per_px / M_PER_PX
+    how = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    size = max(1, round(width * scale)), max(1, round(height * scale))
+    large = cv2.resize(image, size, interpolation=how)
     batch = torch.from_numpy(padded([large])).permute(0, 3, 1, 2)
     model.eval()
     with torch.inference_mode(), torch.autocast("cpu", torch.bfloat16):
         logits, deltas = model(batch.contiguous(memory_format=torch.channels_last))
-    seen = large.shape[1], large.shape[0]
-    boxes, scores, labels = detections(
-        logits[0].float().numpy(),
-        deltas[0].float().numpy(),
-        (batch.shape[3], batch.shape[2]),
-        seen,
-    )
-    return boxes * np.array([width / seen[0], height / seen[1]] * 2), scores, labels
+    outputs = logits[0].float().numpy(), deltas[0].float().numpy()
+    boxes, scores, labels = detections(*outputs, (batch.shape[3], batch.shape[2]), size)
+    return boxes * np.array([width / size[0], height / size[1]] * 2), scores, labels
 
 
 def main() -> None:
