@@ -64,7 +64,8 @@ def drawn(rng, errors, *, count=20, group="photo", sigma_px=1.5):
     score, side, wall = 0.7, 40.0, 160000.0
     shared = rng.random(count) < errors.correlation**0.5
     hits = np.where(shared, rng.random(), rng.random(count)) < score
-    boxes = np.tile([0.0, 0.0, side, side], (count, 1))
+    left = 60.0 * np.arange(count)
+    boxes = np.stack([left, 0 * left, left + side, 0 * left + side], axis=1)
     moved = rng.normal(0, sigma_px, (count, 4))
     size = side + moved[:, :2] + moved[:, 2:]
     true = size.prod(axis=1) * (1 + errors.common_sd * rng.standard_normal())

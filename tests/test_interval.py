@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from si3fp.errors import InputError
 from si3fp.model import Window
-from si3fp.windows.interval import NORMAL_90, WwrErrors, apart, window_area, wwr_interval
+from si3fp.windows.interval import NORMAL_90, WwrErrors, window_area, wwr_interval
 
 NONE = WwrErrors(0.0, 0.0, 0.0, 0.0, 0.0)
 SOME = WwrErrors(correlation=0.04, missed_mean=0.01, missed_sd=0.02, common_sd=0.08, part_sd=0.09)
@@ -72,11 +72,20 @@ def test_boxes_under_the_threshold_raise_the_upper_end():
     assert wwr_interval(row(10), doubtful, 100.0, 1.0, SOME)[1] > alone[1] + 0.03
 
 
-def test_boxes_in_the_place_of_a_window_are_left_out():
-    windows = [box(0, width_m=2.0)]
-    half, beside, around = box(0.1), box(2.1), box(-1, width_m=4.0, height_m=2.0)
-    assert apart([half, beside, around], windows) == [beside]
-    assert apart([half], []) == [half]
+def test_a_candidate_that_is_a_window_again_does_not_count_twice():
+    alone = wwr_interval(row(10), [], 100.0, 1.0, SOME)
+    again, apart = box(2.1, 0.3), box(2.5, 0.3)  # IoU 0.82 and 0.33 with the second window
+    assert wwr_interval(row(10), [again], 100.0, 1.0, SOME) == alone
+    assert wwr_interval(row(10), [apart], 100.0, 1.0, SOME)[1] > alone[1]
+
+
+def test_windows_inferred_beyond_what_was_seen_do_not_count_twice():
+    # Half the facade unseen, its ten windows inferred: the unseen half is like the seen one.
+    errors = replace(NONE, part_sd=0.09)
+    both = wwr_interval(row(10), [], 100.0, 0.5, errors, beyond=row(10, 0.8))
+    assert both == pytest.approx((0.2 - 0.045 * NORMAL_90, 0.2 + 0.045 * NORMAL_90))
+    # The ratio that the facade will state is always inside.
+    assert wwr_interval([], [], 100.0, 0.5, NONE, beyond=row(10, 0.8)) == pytest.approx((0, 0.1))
 
 
 def test_less_seen_is_less_known():

@@ -11,18 +11,20 @@ import json
 import shutil
 import tempfile
 from dataclasses import asdict, dataclass, replace
+from itertools import compress
 from pathlib import Path
 
 import numpy as np
 
 from si3fp.windows.detect import LAPLACE_SIGMA, OnnxDetector
-from si3fp.windows.interval import WwrErrors, wwr_interval
-from training.data import LABELS, M_PER_PX, Facade, data_folder, read_set, read_validation
+from si3fp.windows.interval import WwrErrors, window_area, wwr_interval
+from training.data import LABELS, Facade, data_folder, read_set, read_validation
 from training.matching import best_threshold, join
 from training.reliability import KNOTS, Curve, draw, fit_curve, reliability
 from training.walls import Picture, look
 
 FOLDS = 5
+_NO_ERRORS = WwrErrors(0.0, 0.0, 0.0, 0.0, 0.0)
 _WEIGHTS = Path(__file__).parents[1] / "src/si3fp/windows/weights"
 _LOG = Path(__file__).with_name("log")
 
@@ -39,25 +41,28 @@ def fit_errors(pictures: list[Picture], curve: Curve) -> WwrErrors:
     """How ratios are off, from moments: what is observed less what the other terms explain."""
     rows = []
     for picture in pictures:
-        matched, hits = picture.matched, picture.matched.hits
-        area = matched.area / picture.wall_px2
-        probability = curve(matched.scores)
+        probability = curve(picture.matched.scores)
+        hits = picture.matched.hits
+        area = picture.matched.area / picture.wall_px2
         doubt = area * np.sqrt(probability * (1 - probability))
-        size = picture.boxes[:, 2:] - picture.boxes[:, :2]
-        variance = picture.sigma[:, :2] ** 2 + picture.sigma[:, 2:] ** 2
-        sides = (variance * size[:, ::-1] ** 2).sum(axis=1)[hits].sum() / picture.wall_px2**2
-        found, true = area[hits].sum(), matched.true_area.sum() / picture.wall_px2
-        real = (found - probability @ area) ** 2
+        certain = picture.windows(np.ones(len(hits)))
+        sides = window_area(list(compress(certain, hits)), _NO_ERRORS)[1] / picture.wall_m2**2
+        found = area[hits].sum()
+        true = picture.matched.true_area.sum() / picture.wall_px2
         rows.append(
-            (real, doubt @ doubt, doubt.sum() ** 2, (found - true) ** 2, sides, found**2,
-             picture.true_ratio - true)
+            (picture.true_ratio - probability @ area, found - probability @ area,
+             found - true, found, doubt @ doubt, doubt.sum() ** 2, sides)
         )  # fmt: skip
-    real, alone, together, moved, sides, found, missed = np.array(rows).T
+    total, real, moved, found, alone, together, sides = np.array(rows).T
+    correlation = np.clip((real**2 - alone).sum() / (together - alone).sum(), 0, 1)
+    common = max((moved**2 - sides).sum() / (found**2).sum(), 0)
+    missed = max(total.mean(), 0)
+    explained = alone + correlation * (together - alone) + sides + common * found**2
     return WwrErrors(
-        correlation=_round(np.clip((real - alone).sum() / (together - alone).sum(), 0, 1)),
-        missed_mean=_round(missed.mean()),
-        missed_sd=_round(missed.std()),
-        common_sd=_round(np.sqrt(max((moved - sides).sum() / found.sum(), 0))),
+        correlation=_round(correlation),
+        missed_mean=_round(missed),
+        missed_sd=_round(np.sqrt(max(((total - missed) ** 2 - explained).mean(), 0))),
+        common_sd=_round(np.sqrt(common)),
         part_sd=_round(np.sqrt(np.mean([picture.parts**2 for picture in pictures]))),
     )
 
@@ -109,8 +114,7 @@ class Calibration:
         scaled = replace(picture, sigma=picture.sigma * self.spread_factor)
         boxes = scaled.windows(probability)
         sure = int((probability >= self.thresholds["window"]).sum())  # best first
-        area_m2 = picture.wall_px2 * M_PER_PX**2
-        return wwr_interval(boxes[:sure], boxes[sure:], area_m2, 1.0, self.errors)
+        return wwr_interval(boxes[:sure], boxes[sure:], picture.wall_m2, 1.0, self.errors)
 
 
 def calibrate(pictures: list[Picture]) -> Calibration:
@@ -127,8 +131,8 @@ def calibrate(pictures: list[Picture]) -> Calibration:
     }
     factor = fit_spread_factor(pictures)
     scaled = [replace(picture, sigma=picture.sigma * factor) for picture in pictures]
-    errors = fit_errors(scaled, lambda scores: np.interp(scores, KNOTS, knots["window"]))
-    return Calibration(knots, thresholds, factor, errors)
+    raw = Calibration(knots, thresholds, factor, _NO_ERRORS)
+    return replace(raw, errors=fit_errors(scaled, raw.curve("window")))
 
 
 def cross_check(pictures: list[Picture]) -> tuple[dict[str, dict], dict[str, dict]]:

@@ -60,6 +60,11 @@ class Picture:
     def true_ratio(self) -> float:
         return self.matched.true_sum / self.wall_px2
 
+    @property
+    def wall_m2(self) -> float:
+        """Area of the wall at the normal scale."""
+        return self.wall_px2 * M_PER_PX**2
+
     def windows(self, probabilities: np.ndarray) -> list[Window]:
         """The boxes as windows, in metres of the normal scale."""
         return [

@@ -14,14 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from si3fp.errors import InputError
+from si3fp.geometry.boxes import iou_matrix
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Window
 
 NORMAL_90 = 1.6449
 """Standard deviations to each side that hold 90 % of a normal distribution."""
-SAME_PLACE = 0.5
-"""Share of the smaller box beyond which two boxes cannot both be windows."""
-
+SAME_IOU = 0.5
+"""Overlap from which two boxes are one box; the detector gives no two such."""
 LEAST_SEEN = 0.01
 """Below this share of a facade nothing can be said."""
 
@@ -36,7 +36,7 @@ class WwrErrors:
         Of being a window or not between the boxes of one facade, 0 to 1: what misleads the
         detector once, such as shutters, misleads it again on the same facade.
     missed_mean, missed_sd
-        Area of windows without any box over the facade's area: mean and standard deviation.
+        Area of windows that no box tells of, over the facade's area: mean and standard deviation.
     common_sd
         Relative error of area that all windows of a facade share, standard deviation.
     part_sd
@@ -56,21 +56,26 @@ def wwr_interval(
     facade_area_m2: float,
     seen_share: float,
     errors: WwrErrors,
+    beyond: Sequence[Window] = (),
 ) -> tuple[float, float]:
     """Lower and upper end of the 90 % interval of the window-to-wall ratio, within 0 and 1.
 
     Parameters
     ----------
     windows
-        The windows of the facade; their scores are probabilities.
+        The windows in the part that was seen, detected or inferred; their scores are probabilities.
     candidates
-        Boxes under the threshold, with theirs; those in the place of a window are left out.
+        Boxes under the threshold, with theirs. Those that overlap a window stay in, because it may
+        be the false one of the two; those that are the same box do not.
     facade_area_m2
         Gross area, windows included.
     seen_share
         Share of it that any view saw, 0 to 1.
     errors
         The detector's, from its calibration.
+    beyond
+        Windows inferred where no view saw. They belong to the ratio of the facade, but the unseen
+        part is taken to be like the seen one, not like them alone.
 
     Raises
     ------
@@ -80,7 +85,7 @@ def wwr_interval(
     Notes
     -----
     The sum of many uncertain areas is near to normal, so two moments are enough. The ratio of
-    `windows` alone always lies in the interval.
+    `windows` and `beyond` alone always lies in the interval.
     """
     if not facade_area_m2 > 0 or not 0 <= seen_share <= 1:
         raise InputError(
@@ -89,9 +94,10 @@ def wwr_interval(
         )
     if seen_share < LEAST_SEEN:
         return 0.0, 1.0
-    point = sum(window.area_m2 for window in windows) / facade_area_m2
+    point = sum(window.area_m2 for window in (*windows, *beyond)) / facade_area_m2
     seen_m2 = seen_share * facade_area_m2
-    mean_m2, variance_m4 = window_area([*windows, *apart(candidates, windows)], errors)
+    others = _without_same(candidates, windows)
+    mean_m2, variance_m4 = window_area([*windows, *others], errors)
     mean = mean_m2 / seen_m2 + errors.missed_mean
     unseen_sd = (1 - seen_share) * errors.part_sd
     sd = float(np.sqrt(variance_m4 / seen_m2**2 + errors.missed_sd**2 + unseen_sd**2))
@@ -117,17 +123,9 @@ def window_area(boxes: Sequence[Window], errors: WwrErrors) -> tuple[float, floa
     return mean, float(real_or_not + sides + (errors.common_sd * mean) ** 2)
 
 
-def apart(candidates: Sequence[Window], windows: Sequence[Window]) -> list[Window]:
-    """The candidates that do not stand in the place of a window."""
-    theirs, ours = _corners(candidates)[:, None], _corners(windows)[None]
-    low, high = (
-        np.maximum(theirs[..., :2], ours[..., :2]),
-        np.minimum(theirs[..., 2:], ours[..., 2:]),
-    )
-    common = np.clip(high - low, 0, None).prod(axis=-1)
-    size = np.minimum(*((box[..., 2:] - box[..., :2]).prod(axis=-1) for box in (theirs, ours)))
-    free = ~(common > SAME_PLACE * size).any(axis=1)
-    return [candidate for candidate, alone in zip(candidates, free, strict=True) if alone]
+def _without_same(candidates: Sequence[Window], windows: Sequence[Window]) -> list[Window]:
+    overlap = iou_matrix(_corners(candidates), _corners(windows)).max(axis=1, initial=0.0)
+    return [candidates[index] for index in np.flatnonzero(overlap <= SAME_IOU)]
 
 
 def _corners(windows: Sequence[Window]) -> FloatArray:
