@@ -29,10 +29,12 @@ from si3fp.config import StreetConfig
 from si3fp.demo import run_demo
 from si3fp.errors import Si3fpError
 from si3fp.pipeline import run_street
+from si3fp.report.evaluation_report import write_evaluation_report
+from si3fp.report.evaluation_table import evaluation_table
 from si3fp.report.map_layer import write_map_layer
 from si3fp.report.picture_overlays import overlay_files, write_overlays
 from si3fp.report.run_report import write_report
-from si3fp.steps import Circle, detect_pictures, picture_files, simulate_run
+from si3fp.steps import Circle, detect_pictures, evaluate_model, picture_files, simulate_run
 from si3fp.steps import Progress as Report
 from si3fp.workspace import Workspace, dump_json, read_json
 
@@ -167,6 +169,29 @@ def simulate(run: Path, epw: Path) -> None:
             f"{building.heating_kwh_m2:.0f} kWh/m2"
         )
     click.echo(f"report: {workspace.report}")
+
+
+@verbs.command()
+@click.argument("run", type=a_path)
+@click.option("--truth", type=a_path, required=True, help="HBJSON of the true building.")
+@click.option("-o", "--out", type=a_path, metavar="DIR", help="Write JSON and a page there.")
+@click.option("--epw", type=a_path, help="Weather file (EPW): compare heating demands too.")
+@click.option("--join-touching", is_flag=True, help="Apertures that share an edge are one window.")
+@click.option("--overwrite", is_flag=True, help="Replace an earlier evaluation.")
+def evaluate(
+    run: Path, truth: Path, out: Path | None, epw: Path | None, join_touching: bool, overwrite: bool
+) -> None:
+    """The paper's metrics of a run against the truth.
+
+    RUN is the folder of a run, or an HBJSON file of any tool.
+    """
+    with progress_lines() as say:
+        evaluation = evaluate_model(
+            run, truth, out, epw=epw, join_touching=join_touching, overwrite=overwrite, say=say
+        )
+    click.echo(evaluation_table(evaluation))
+    if out is not None:
+        click.echo(f"report: {write_evaluation_report(evaluation, out)}")
 
 
 @verbs.command()

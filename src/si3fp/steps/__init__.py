@@ -4,6 +4,7 @@ Algorithms live in the modules below; here stands what is read, kept and written
 facade's failure becomes a `Missing` row.
 """
 
+from si3fp.steps.evaluation import ModelEvaluation, evaluate_model
 from si3fp.steps.facades import find_facade
 from si3fp.steps.inputs import Circle, StreetInputs, claim, collect, run_key
 from si3fp.steps.models import build_models, simulate_run, write_run
@@ -12,6 +13,7 @@ from si3fp.steps.rectified import Progress, make_views, plan, write_cloud
 
 __all__ = [
     "Circle",
+    "ModelEvaluation",
     "Picture",
     "Progress",
     "StreetInputs",
@@ -19,6 +21,7 @@ __all__ = [
     "claim",
     "collect",
     "detect_pictures",
+    "evaluate_model",
     "find_facade",
     "make_views",
     "picture_files",
