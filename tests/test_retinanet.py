@@ -110,21 +110,23 @@ def test_names_and_shapes_are_the_published_ones() -> None:
     assert sum(p.numel() for p in model.parameters()) == 34_014_999  # as torchvision states
 
 
-@pytest.mark.parametrize("today", [False, True])
-@pytest.mark.parametrize("labels", [1, 3])
+@pytest.mark.parametrize(("labels", "today"), [(3, False), (1, False), (1, True)])
 def test_published_weights_load(tmp_path: Path, labels: int, today: bool) -> None:
     shapes = published_shapes(3)
     if today:
         shapes = {todays_name(name): shape for name, shape in shapes.items()}
     digest = write_checkpoint(tmp_path / "published.pth", shapes)
-    model = RetinaNet(labels)
-    before = {name: value.clone() for name, value in model.state_dict().items()}
+    with torch.device("meta"):
+        model = RetinaNet(labels)
+    model.to_empty(device="cpu")  # random weights would take a second
+    for parameter in model.head["classification_head"].cls_logits.parameters():
+        torch.nn.init.constant_(parameter, -7.0)
     load_published(model, tmp_path / "published.pth", digest[:8])
     after = model.state_dict()
     for k, name in enumerate(shapes):
         own = name if today else todays_name(name)
         if "cls_logits" in name and labels != 3:
-            assert torch.equal(after[own], before[own])
+            assert torch.all(after[own] == -7)
         else:
             assert torch.all(after[own] == (k + 1) / 1024)
     learning = {name.split(".")[2] for name, p in model.named_parameters() if p.requires_grad}
@@ -302,9 +304,9 @@ def test_learns_a_handful_of_pictures(narrow_run: paper.Run) -> None:
     for sample, half in zip(samples, (1, 2), strict=True):
         image = np.kron(sample.image, np.ones((half, half, 1), np.uint8))  # twice the pixels
         boxes, scores, labels = paper.detect(model, image, M_PER_PX / half, narrow_run.recipe)
-        found = boxes[(scores > 0.5) & (labels == 0)]
+        found = boxes[(scores > 0.9) & (labels == 0)]
         assert len(found) == 2
-        assert iou(half * sample.boxes[:2], found).max(axis=1).min() > 0.7
+        assert iou(half * sample.boxes[:2], found).max(axis=1).min() > 0.9
 
 
 def test_a_killed_run_goes_on(narrow_run: paper.Run) -> None:
