@@ -61,6 +61,12 @@ class Matched:
         return float(_f1(self.precision, self.recall))
 
 
+def clipped(boxes: np.ndarray, image: np.ndarray) -> np.ndarray:
+    """Boxes (N, 4) cut at the borders of a picture (H, W, 3)."""
+    height, width = image.shape[:2]
+    return np.clip(boxes, 0, [width, height, width, height])
+
+
 def match(
     boxes: np.ndarray, scores: np.ndarray, truth: np.ndarray, ignored: np.ndarray, limit: float
 ) -> Matched:
@@ -130,20 +136,37 @@ def _f1(precision, recall):
     return 2 * precision * recall / np.maximum(precision + recall, 1e-9)
 
 
-def areas(matched: Matched) -> dict[str, float]:
-    """Errors of window areas, as shares of the true area.
+def describe(at50: Matched, at75: Matched, threshold: float) -> dict[str, float]:
+    """What the boxes with at least this score are worth, matched at IoU 0.5 and at IoU 0.75.
 
-    ``area_median`` and ``area_mean`` of the absolute errors of hits, ``area_bias_hits`` of the
-    summed area of hits, ``area_bias`` of everything found against everything that is there. Boxes
-    in ignored areas count on neither side.
+    ``ap50`` and ``best_f1`` are of all thresholds. The others: ``precision``, ``recall`` and ``f1``
+    of both; of the hits at IoU 0.5 ``mean_iou``, the median and mean absolute error of the area
+    (``area_median``, ``area_mean``) and the error of its sum (``area_bias_hits``); and
+    ``area_bias``, the error of the summed area of all that was found against all that is there.
+    Errors are shares of the true area. What lies in ignored areas counts on neither side.
     """
-    hits = matched.hits
-    found, true = matched.area[hits], matched.true_area[hits]
-    error = np.abs(found / true - 1) if hits.any() else np.array([np.nan])
-    everything = matched.area[matched.outcome >= 0].sum()
+    best = at50.at_least(best_threshold(at50)).f1
+    average = average_precision(at50)
+    at50, at75 = at50.at_least(threshold), at75.at_least(threshold)
+    hits = at50.hits
+    none = not hits.any()
+    found, true = at50.area[hits], at50.true_area[hits]
+    error = np.abs(found / true - 1)
+    everything = at50.area[at50.outcome >= 0].sum()
     return {
-        "area_median": float(np.median(error)),
-        "area_mean": float(error.mean()),
-        "area_bias_hits": float(found.sum() / true.sum() - 1) if hits.any() else float("nan"),
-        "area_bias": float(everything / max(matched.true_sum, 1e-9) - 1),
+        "n": at50.true_count,
+        "ap50": average,
+        "best_f1": best,
+        "precision": at50.precision,
+        "recall": at50.recall,
+        "f1_50": at50.f1,
+        "precision_75": at75.precision,
+        "recall_75": at75.recall,
+        "f1_75": at75.f1,
+        "mean_iou": 0.0 if none else float(at50.overlap[hits].mean()),
+        "area_median": np.nan if none else float(np.median(error)),
+        "area_mean": np.nan if none else float(error.mean()),
+        "area_bias_hits": np.nan if none else float(found.sum() / true.sum() - 1),
+        "area_bias": float(everything / at50.true_sum - 1) if at50.true_sum else np.nan,
+        "threshold": threshold,
     }

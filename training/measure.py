@@ -14,6 +14,7 @@ from training.augment import Sample, scaling, translation, warp_boxes, warp_imag
 from training.data import (
     IGNORE,
     LABELS,
+    M_PER_PX,
     NOMINAL_HEIGHT,
     WINDOW,
     Facade,
@@ -24,13 +25,14 @@ from training.data import (
     read_validation,
     warp_points,
 )
-from training.matching import Matched, average_precision, best_threshold, join, match
+from training.matching import Matched, best_threshold, clipped, describe, join, match
 from training.targets import decode
 
 Predict = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """RGB uint8 (H, W, 3) to scores (2, H/4, W/4) and distances (4, H/4, W/4)."""
 _LOWEST = 0.05
-_LARGEST = 1024
+_LARGEST_M = 41.0
+_COLUMNS = ("n", "ap50", "f1_50", "f1_75", "mean_iou", "precision", "recall", "threshold")
 _UPRIGHT = ("hslu-rectified", "spb")
 """Validation sets that look like the runtime's orthographic pictures."""
 
@@ -38,12 +40,13 @@ _UPRIGHT = ("hslu-rectified", "spb")
 def views(facade: Facade, factor: float = 1.0) -> list[tuple[str, Sample]]:
     """(set name, sample) of a picture as it is and, where possible, rectified.
 
-    The scale makes the true median window 35 px times ``factor`` high, which the runtime reaches by
-    its metres per pixel instead. Sides are multiples of 32, at most 1024 px times ``factor``.
+    The scale makes the true median window 1.4 m high, which the runtime reaches by its metres per
+    pixel instead; ``factor`` is by how much the resolution is finer than the one of training. Sides
+    are multiples of 32 px, of about 41 m at most.
     """
     short = facade.source.removesuffix("-facades")
     found = []
-    largest = factor * _LARGEST
+    largest = factor * _LARGEST_M / M_PER_PX
     height, width = facade.levels[0].shape[:2]
     scale = factor * NOMINAL_HEIGHT / median_height(facade)
     matrix = scaling(scale, scale)
@@ -106,8 +109,7 @@ def evaluate(predict: Predict, seen: list[tuple[str, tuple[int, ...], Sample]]) 
     for name, classes, sample in seen:
         scores, distances = predict(sample.image)
         boxes, values, kinds = decode(scores, distances, _LOWEST)
-        size = sample.image.shape[1], sample.image.shape[0]
-        boxes = np.clip(boxes, 0, np.array([*size, *size]))
+        boxes = clipped(boxes, sample.image)
         ignored = sample.boxes[sample.labels == IGNORE]
         for k in classes:
             truth = sample.boxes[sample.labels == k]
@@ -122,19 +124,8 @@ def evaluate(predict: Predict, seen: list[tuple[str, tuple[int, ...], Sample]]) 
 
 
 def _summary(at50: Matched, at75: Matched) -> dict[str, float]:
-    threshold = best_threshold(at50)
-    chosen = at50.at_least(threshold)
-    result = {
-        "n": at50.true_count,
-        "ap50": average_precision(at50),
-        "f1_50": chosen.f1,
-        "f1_75": at75.at_least(threshold).f1,
-        "mean_iou": float(chosen.overlap[chosen.hits].mean()) if chosen.hits.any() else 0.0,
-        "precision": chosen.precision,
-        "recall": chosen.recall,
-        "threshold": threshold,
-    }
-    return {k: round(v, 4) for k, v in result.items()}
+    result = describe(at50, at75, best_threshold(at50))
+    return {name: round(result[name], 4) for name in _COLUMNS}
 
 
 def onnx_predictor(path: Path) -> Predict:
