@@ -41,6 +41,7 @@ def place_record(point_in_world: FloatArray, origin: GeoOrigin) -> Record:
 
 def facade_record(facade: Facade, origin: GeoOrigin) -> Record:
     """A facade without its windows: frame, size, window-to-wall ratio, centre on Earth."""
+    interval = facade.wwr_interval
     return {
         "id": facade.id,
         "origin": origin_record(origin),
@@ -48,7 +49,7 @@ def facade_record(facade: Facade, origin: GeoOrigin) -> Record:
         "width_m": round(facade.width_m, 4),
         "height_m": round(facade.height_m, 4),
         "wwr": round(facade.wwr, 5),
-        "wwr_interval": facade.wwr_interval,
+        "wwr_interval": None if interval is None else rounded(interval, 5),
         "centre": place_record(facade.centre_in_world, origin),
     }
 

@@ -131,7 +131,14 @@ def _write_facade(
     workspace.write_json(workspace.facade(name, "detections.json"), "detections", head | detections)
     windows = {"facade_id": name, "windows": [window_record(w) for w in parsed.windows]}
     workspace.write_json(workspace.facade(name, "windows.json"), "windows", head | windows)
-    facade = Facade(name, grid.world_from_facade, grid.width_m, grid.height_m, parsed.windows)
+    facade = Facade(
+        name,
+        grid.world_from_facade,
+        grid.width_m,
+        grid.height_m,
+        parsed.windows,
+        parsed.wwr_interval,
+    )
     about = {
         "building_id": plan.wall.building_id,
         "edge": plan.wall.edge_index,

@@ -125,7 +125,7 @@ def window_area(boxes: Sequence[Window], errors: WwrErrors) -> tuple[float, floa
 
 def _without_same(candidates: Sequence[Window], windows: Sequence[Window]) -> list[Window]:
     overlap = iou_matrix(_corners(candidates), _corners(windows)).max(axis=1, initial=0.0)
-    return [candidates[index] for index in np.flatnonzero(overlap <= SAME_IOU)]
+    return [candidates[index] for index in np.flatnonzero(overlap <= SAME_IOU).tolist()]
 
 
 def _corners(windows: Sequence[Window]) -> FloatArray:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from si3fp.config import FusionConfig, MeasureConfig
 from si3fp.geometry.rigid import FloatArray
-from si3fp.model import Detections, FacadeViews, OrthoImage, Window
+from si3fp.model import Detections, FacadeGrid, FacadeViews, OrthoImage, Window
 from si3fp.windows.detect import WindowDetector
 from si3fp.windows.fuse import combine, fuse_views
+from si3fp.windows.interval import WwrErrors, wwr_interval
 from si3fp.windows.join import join_openings
 from si3fp.windows.lattice import complete_windows
 from si3fp.windows.measure import (
@@ -22,8 +23,8 @@ from si3fp.windows.measure import (
 )
 from si3fp.windows.recess import UNKNOWN_RECESS, estimate_recess
 from si3fp.windows.refine import refine_boxes
-from si3fp.windows.regular import correct_windows
-from si3fp.windows.seen import wall_seen
+from si3fp.windows.regular import HALF_SEEN, correct_windows, edges_of
+from si3fp.windows.seen import share_seen, wall_seen
 from si3fp.windows.sharpen import sharpen_windows
 
 
@@ -42,12 +43,15 @@ class ParsedFacade:
     picture
         The fused image with the windows of known recess on the plane of their glass; detections
         and edges come from the fused image itself (docs/decisions/0008-recess.md).
+    wwr_interval
+        90 % interval of the window-to-wall ratio; None where the detector is not calibrated.
     """
 
     windows: tuple[Window, ...]
     per_view: Mapping[str, Detections]
     on_fused: Detections
     picture: OrthoImage
+    wwr_interval: tuple[float, float] | None
 
 
 def parse_facade(
@@ -109,7 +113,28 @@ def parse_facade(
         for box, recess in zip(boxes, recesses, strict=True)
     ]
     picture = sharpen_windows(fused, views.views, openings, recesses, cameras_in_facade, grid)
-    return ParsedFacade(windows, per_view, on_fused, picture)
+    interval = _wwr_interval(windows, candidates, fused, grid, detector.wwr_errors)
+    return ParsedFacade(windows, per_view, on_fused, picture, interval)
+
+
+def _wwr_interval(
+    windows: Sequence[Window],
+    candidates: Sequence[Window],
+    fused: OrthoImage,
+    grid: FacadeGrid,
+    errors: WwrErrors | None,
+) -> tuple[float, float] | None:
+    if errors is None:
+        return None
+    valid = fused.valid.astype(np.float32)
+    beyond = [
+        window
+        for window, edges in zip(windows, edges_of(windows), strict=True)
+        if window.origin == "inferred" and share_seen(valid, grid, edges) < HALF_SEEN
+    ]
+    within = [window for window in windows if window not in beyond]
+    area_m2 = grid.width_m * grid.height_m
+    return wwr_interval(within, candidates, area_m2, float(valid.mean()), errors, beyond)
 
 
 def of_label(detections: Detections, label: str = "window") -> Detections:
