@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from si3fp.errors import InputError
@@ -169,6 +169,7 @@ def test_facades_without_common_id_are_paired_by_geometry() -> None:
     assert result.windows.f1 == 1.0
 
 
+@settings(deadline=None)  # the machine may be busy
 @given(north_m=st.floats(-3000, 3000), east_m=st.floats(-3000, 3000), height_m=st.floats(-200, 200))
 def test_origins_may_differ(north_m: float, east_m: float, height_m: float) -> None:
     here = GeoOrigin(57.7, 11.97, 20.0)
@@ -305,3 +306,193 @@ def test_a_model_against_itself_is_perfect() -> None:
     result = evaluate(facades, facades)
     assert result.windows.f1 == 1.0
     assert result.wwr.mean_absolute == 0.0
+
+
+def small_model() -> tuple[list[Facade], list[Facade]]:
+    """Found and true: false positives, a facade without windows, a missing one, one with balcony.
+
+    | facade | true | found | WWR true, found |
+    | a-0, 50 m2 | 3 windows | 2 right, 2 wrong | 0.12, 0.115 |
+    | a-1, 50 m2 | none | 1 wrong | 0, 0.02 |
+    | a-2, 100 m2 | 1 window | missing | 0.20 |
+    | b-0, 50 m2 | balcony door, window | the door | 0.08, 0.04 |
+    """
+    door = Window(2, 0, 1, 2, "balcony_door")
+    truth = [
+        facade("a-0", *three_windows()),
+        facade("a-1", place=(20, 0, 0)),
+        facade("a-2", Window(1, 1, 4, 5), place=(40, 0, 0), height=10.0),
+        facade("b-0", door, Window(5, 1, 2, 1), place=(60, 0, 0)),
+    ]
+    found = [
+        facade(
+            "a-0",
+            Window(1.0, 1.0, 1.0, 1.5),  # IoU 0.75
+            Window(4.0, 1.0, 1.0, 2.0),  # exact
+            Window(7.5, 1.0, 1.0, 2.0),  # IoU 1/3, 1 m2 shared
+            Window(9.0, 4.0, 0.5, 0.5),  # nothing there
+        ),
+        facade("a-1", Window(2, 3.5, 1, 1), place=(20, 0, 0)),
+        facade("b-0", door, place=(60, 0, 0)),
+    ]
+    return found, truth
+
+
+def test_every_window_score_by_hand() -> None:
+    result = evaluate(*small_model())
+    windows = result.windows
+    assert (windows.true_positives, windows.false_positives, windows.false_negatives) == (3, 3, 2)
+    assert windows.precision == pytest.approx(3 / 6)
+    assert windows.recall == pytest.approx(3 / 5)
+    assert windows.f1 == pytest.approx(6 / 11)
+    assert windows.mean_iou == pytest.approx((0.75 + 1 + 1) / 3)
+    assert windows.mean_abs_relative_area_error == pytest.approx(0.25 / 3)
+    assert windows.mean_abs_position_error_m == pytest.approx(0.25 / 3)
+    assert result.windows_total.recall == pytest.approx(3 / 6)
+    assert result.windows_total.f1 == pytest.approx(6 / 12)
+    plain = result.without_balconies
+    assert plain.windows.f1 == pytest.approx(4 / 8)
+    assert plain.windows_total.f1 == pytest.approx(4 / 9)
+    assert plain.windows.mean_iou == pytest.approx(0.875)
+
+
+def test_every_ratio_error_by_hand() -> None:
+    result = evaluate(*small_model())
+    assert result.wwr.mean == pytest.approx((-0.005 + 0.02 - 0.04) / 3)
+    assert result.wwr.mean_absolute == pytest.approx((0.005 + 0.02 + 0.04) / 3)
+    assert result.wwr_total.mean == pytest.approx((-0.005 + 0.02 - 0.04 - 0.20) / 4)
+    assert result.wwr_total.mean_absolute == pytest.approx((0.005 + 0.02 + 0.04 + 0.20) / 4)
+    # Glass in m2: -0.25 + 1 - 2 - 20 on 250 m2 of wall.
+    assert result.wwr_total.area_weighted == pytest.approx(-21.25 / 250)
+    imputed = (0.115 + 0.02 + 0.04) / 3
+    assert result.wwr_imputed.mean == pytest.approx((-0.025 + imputed - 0.20) / 4)
+    assert result.without_balconies.wwr.mean == pytest.approx((-0.005 + 0.02) / 2)
+    imputed = (0.115 + 0.02) / 2
+    assert result.without_balconies.wwr_imputed.mean == pytest.approx((0.015 + imputed - 0.20) / 3)
+
+
+def test_the_openings_bodies_by_hand() -> None:
+    result = evaluate(*small_model())
+    # Shared: 1.5 + 2 + 1 on a-0 and 2 on b-0; united: 7.25, 1 and 4, and 20 on the missing one.
+    assert result.opening_iou == pytest.approx(6.5 / 12.25)
+    assert result.opening_iou_total == pytest.approx(6.5 / 32.25)
+    assert result.without_balconies.opening_iou == pytest.approx(4.5 / 8.25)
+
+
+def test_openings_off_their_plane_share_less_and_twice_the_same_counts_once() -> None:
+    truth = [facade("a-0", Window(1, 1, 1, 2))]
+    in_front = [facade("a-0", Window(1, 1, 1, 2), place=(0, -0.25, 0))]
+    result = evaluate(in_front, truth)
+    assert result.windows.mean_iou == pytest.approx(1.0)
+    assert result.facades[0].found_offsets_m == pytest.approx((0.25,))
+    assert result.opening_iou == pytest.approx(0.5 / 1.5)  # half of 0.5 m deep
+    twice = [facade("a-0", Window(1, 1, 1, 2), Window(1, 1, 1, 2))]
+    assert evaluate(twice, truth).opening_iou == pytest.approx(1.0)
+    assert evaluate([facade("a-0")], [facade("a-0")]).opening_iou is None
+
+
+def test_bands_of_height_by_hand() -> None:
+    low, high = evaluate(*small_model()).by_height
+    assert (low.from_m, low.to_m, high.to_m) == (0.0, 3.0, 6.0)
+    assert (low.true, low.found, low.true_total) == (5, 4, 5)
+    assert (low.right_true, low.right_found) == (3, 3)
+    assert low.precision == pytest.approx(3 / 4)
+    assert low.recall == low.recall_total == pytest.approx(3 / 5)
+    assert (high.true, high.found, high.true_total) == (0, 2, 1)
+    assert high.precision == 0.0
+    assert high.recall is None
+    assert high.recall_total == 0.0
+    assert evaluate([], []).by_height == ()
+
+
+def test_distributions_by_hand() -> None:
+    truth = [
+        facade("a-0", *(Window(1 + 2 * i, 1, 1, 1) for i in range(4))),
+        facade("a-1", place=(20, 0, 0)),
+    ]
+    shifts = (0.0, 0.1, 0.2, 0.3)
+    found = [
+        facade("a-0", *(Window(1 + 2 * i + s, 1, 1, 1) for i, s in enumerate(shifts))),
+        replace(facade("a-1", place=(20, 0, 0)), width_m=9.0),
+    ]
+    result = evaluate(found, truth)
+    spread = result.position_errors_m
+    assert (spread.count, spread.minimum, spread.maximum) == (4, 0.0, pytest.approx(0.3))
+    assert (spread.mean, spread.median) == pytest.approx((0.15, 0.15))
+    assert (spread.lower_quartile, spread.upper_quartile) == pytest.approx((0.075, 0.225))
+    assert spread.percentile_90 == pytest.approx(0.27)
+    assert result.window_area_errors.maximum == pytest.approx(0.0)
+    assert result.facade_area_errors.count == 2
+    assert result.facade_area_errors.maximum == pytest.approx(0.1)
+    assert result.facades[1].relative_area_error == pytest.approx(-0.1)
+    assert result.wwr_errors.count == 2
+    assert evaluate([], truth).position_errors_m.median is None
+
+
+def test_buildings_are_counted_as_in_the_paper() -> None:
+    result = evaluate(*small_model())
+    first, second = result.buildings
+    assert (first.id, second.id) == ("a", "b")
+    assert (first.all.facade_count, first.all.missing_count) == (3, 1)
+    assert (first.height_m, first.longest_side_m) == (10.0, 10.0)
+    assert second.all.windows.f1 == pytest.approx(2 / 3)
+    assert second.without_balconies.facade_count == 0
+    assert second.without_balconies.windows.f1 is None
+    assert second.without_balconies.wwr_imputed.mean is None
+    assert (result.facade_count, result.missing_count) == (4, 1)
+
+
+def test_buildings_and_balconies_may_be_given() -> None:
+    found, truth = small_model()
+    names = {wall.id: "home" for wall in truth}
+    result = evaluate(found, truth, buildings=names, balcony_facades=["a-0"])
+    assert [building.id for building in result.buildings] == ["home"]
+    assert [f.facade_id for f in result.facades if f.balconies] == ["a-0"]
+
+
+def test_coverage_of_the_stated_intervals() -> None:
+    found, truth = small_model()
+    intervals = [(0.11, 0.13), (0.01, 0.03), None]
+    found = [replace(f, wwr_interval=i) for f, i in zip(found, intervals, strict=True)]
+    interval = evaluate(found, truth).interval
+    assert (interval.facades, interval.covered) == (2, 1)
+    assert interval.share == pytest.approx(0.5)
+    assert interval.mean_width == pytest.approx(0.02)
+    assert evaluate(truth, truth).interval.share is None
+
+
+def test_who_has_no_partner_and_why() -> None:
+    truth = [
+        facade("a-0"),
+        facade("a-1", place=(30, 0, 0)),
+        facade("a-2", *three_windows(), place=(60, 0, 0)),
+        facade("a-3", place=(90, 0, 0)),
+    ]
+    found = [
+        facade("x", place=(0.1, 0, 0)),
+        facade("y", place=(0.2, 0, 0)),
+        facade("a-1", place=(30, -6, 0)),  # the same id, six metres in front
+        replace(
+            facade("z"), world_from_facade=Rigid3(SOUTH @ np.diag([-1.0, 1, -1]), [70.0, 0, 0])
+        ),
+    ]
+    result = evaluate(found, truth)
+    assert result.facades[0].found_id == "x"
+    reasons = {(row.model, row.facade_id): row.reason for row in result.unmatched}
+    assert list(reasons) == [("truth", "a-1"), ("truth", "a-2"), ("truth", "a-3"),
+                             ("found", "y"), ("found", "a-1"), ("found", "z")]  # fmt: skip
+    assert "same id lies elsewhere: turned by 0 degrees, 6.0 m" in reasons["truth", "a-1"]
+    assert "nearest, z: it faces the other way" in reasons["truth", "a-2"]
+    assert "wall there, a-0, is already the partner of x" in reasons["found", "y"]
+    assert result.extra == ("y", "a-1", "z")
+    assert result.unmatched[1].windows == 3
+    assert result.mean_shift_m == pytest.approx((0.1, 0.0, 0.0))
+
+
+def test_models_of_two_places_are_refused() -> None:
+    truth = [facade("a-0", *three_windows())]
+    with pytest.raises(InputError, match=r"do not overlap: 4\d\d\.\d m.*500\.0 m east.*not given"):
+        evaluate([facade("a-0", *three_windows(), place=(500, 0, 0))], truth)
+    here, there = GeoOrigin(57.7, 11.97, 20.0), GeoOrigin(57.8, 11.97, 20.0)
+    with pytest.raises(InputError, match=r"11,1\d\d.*57\.80000, 11\.97000, 20\.0 m \(found\)"):
+        evaluate(truth, truth, there, here)

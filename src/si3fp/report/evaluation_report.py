@@ -9,8 +9,7 @@ from pathlib import Path
 from string import Template
 
 import si3fp
-from si3fp.evaluate import FacadeEvaluation
-from si3fp.report.elevations import KEYS, elevation
+from si3fp.report.evaluation_facades import facades_part
 from si3fp.report.evaluation_figures import (
     facade_area_figure,
     height_figure,
@@ -35,7 +34,6 @@ from si3fp.report.markup import (
     joined,
     number,
     percent,
-    percent_interval,
     table,
     tag,
 )
@@ -43,7 +41,6 @@ from si3fp.steps import ModelEvaluation
 from si3fp.workspace import write_text
 
 HTML_NAME = "evaluation.html"
-MOST_DRAWN = 60  # facades; more would make the page slow
 
 
 def evaluation_report(evaluation: ModelEvaluation) -> str:
@@ -72,7 +69,7 @@ def evaluation_report(evaluation: ModelEvaluation) -> str:
                 _heating(evaluation),
             ),
             _figures(evaluation),
-            _facades(evaluation),
+            facades_part(evaluation.result),
             _about(evaluation),
         ]
     )
@@ -250,76 +247,6 @@ def _svg_image(svg: str, alternative: str) -> Markup:
     """The drawing as an image of its own, so that names inside it cannot clash."""
     data = base64.b64encode(svg.encode("utf-8")).decode("ascii")
     return tag("img", src=f"data:image/svg+xml;base64,{data}", alt=alternative, style="border:0")
-
-
-def _facades(evaluation: ModelEvaluation) -> Markup | None:
-    facades = evaluation.result.facades
-    if not facades:
-        return None
-    head = ["Facade", "True", "Found", "Right", "Mean IoU", "Area err (%)", "Position err (m)",
-            "Area (m²)", "Area err (%)", "WWR true", "WWR found", "Interval"]  # fmt: skip
-    rows = [_facade_row(facade) for facade in facades]
-    classes = [None if facade.found_id is not None else "muted" for facade in facades]
-    legend = [
-        joined([tag("span", class_="key", style=f"background:{colour}"), name])
-        for colour, name in KEYS
-    ]
-    shown = [f for f in facades if f.true_boxes_m or f.found_boxes_m][:MOST_DRAWN]
-    left_out = len(facades) - len(shown)
-    note = f" Not drawn: {counted(left_out, 'facade')}, without windows or beyond "
-    return tag(
-        "section",
-        tag("h2", "Facades"),
-        table(head, rows, row_classes=classes),
-        tag(
-            "p",
-            *legend,
-            ". Dashed: the found facade.",
-            f"{note}the first {MOST_DRAWN}." if left_out else None,
-            class_="soft",
-        ),
-        tag(
-            "div",
-            *(
-                tag("figure", elevation(facade), tag("figcaption", _caption(facade)))
-                for facade in shown
-            ),
-            class_="pair",
-        ),
-    )
-
-
-def _facade_row(facade: FacadeEvaluation) -> list[str]:
-    windows = facade.windows
-    true = windows.true_positives + windows.false_negatives
-    found = windows.true_positives + windows.false_positives
-    missing = facade.found_id is None
-    area, wall = windows.mean_abs_relative_area_error, facade.relative_area_error
-    return [
-        facade.facade_id + (" (balconies)" if facade.balconies else ""),
-        str(true),
-        ABSENT if missing else str(found),
-        ABSENT if missing else str(windows.true_positives),
-        number(windows.mean_iou, 2),
-        number(None if area is None else area * 100, 1),
-        number(windows.mean_abs_position_error_m, 3),
-        number(facade.area_m2, 1),
-        number(None if wall is None else wall * 100, 1),
-        percent(facade.wwr_truth),
-        "missing" if missing else percent(facade.wwr_found),
-        percent_interval(facade.wwr_interval) or ABSENT,
-    ]
-
-
-def _caption(facade: FacadeEvaluation) -> str:
-    if facade.found_id is None:
-        return f"{facade.facade_id}: missing"
-    other = "" if facade.found_id == facade.facade_id else f", found as {facade.found_id}"
-    windows = facade.windows
-    return (
-        f"{facade.facade_id}{other}: {windows.true_positives} right, "
-        f"{windows.false_negatives} missed, {windows.false_positives} wrong"
-    )
 
 
 def _about(evaluation: ModelEvaluation) -> Markup:
