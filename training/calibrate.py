@@ -193,6 +193,29 @@ def check_elsewhere(model: Path, facades: list[Facade]) -> dict[str, dict]:
     )
 
 
+def write(model: Path, folder: Path, figure: Path) -> dict:
+    """Put the calibration into the model's description and draw the diagram; what was written."""
+    detector = raw_detector(model)
+    pictures = look(detector, read_validation(folder), source_photos(folder))
+    result = calibrate(pictures)
+    reliable, covered = cross_check(pictures)
+    knots = {label: [KNOTS, probability] for label, probability in result.knots.items()}
+    written = {
+        "score_thresholds": result.thresholds,
+        "calibration": {label: np.round(k, 5).tolist() for label, k in knots.items()},
+        "spread_factor": result.spread_factor,
+        "wwr": asdict(result.errors),
+        "reliability": reliable,
+        "wwr_coverage": covered,
+    }
+    card = model.with_suffix(".json")
+    fresh = card.with_suffix(".tmp.json")
+    fresh.write_text(json.dumps(json.loads(card.read_text()) | written, indent=2) + "\n")
+    fresh.replace(card)
+    draw(reliable, figure)
+    return written
+
+
 def main() -> None:
     """Write the calibration into the detector's description and draw the reliability diagram."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -207,27 +230,8 @@ def main() -> None:
     if options.cmp:
         print(json.dumps(check_elsewhere(options.model, read_set(folder, "cmp-facades")), indent=1))
         return
-    detector = raw_detector(options.model)
-    pictures = look(detector, read_validation(folder), source_photos(folder))
-    result = calibrate(pictures)
-    reliable, covered = cross_check(pictures)
-    knots = {label: [KNOTS, probability] for label, probability in result.knots.items()}
-    card = options.model.with_suffix(".json")
-    document = json.loads(card.read_text()) | {
-        "score_threshold": result.thresholds["window"],
-        "score_thresholds": result.thresholds,
-        "calibration": {label: np.round(k, 5).tolist() for label, k in knots.items()},
-        "spread_factor": result.spread_factor,
-        "wwr": asdict(result.errors),
-        "reliability": reliable,
-        "wwr_coverage": covered,
-    }
-    fresh = card.with_suffix(".tmp.json")
-    fresh.write_text(json.dumps(document, indent=2) + "\n")
-    fresh.replace(card)
-    draw(reliable, options.figure)
-    shown = ("score_thresholds", "spread_factor", "wwr", "reliability", "wwr_coverage")
-    print(json.dumps({name: document[name] for name in shown}, indent=1))
+    written = write(options.model, folder, options.figure)
+    print(json.dumps({k: v for k, v in written.items() if k != "calibration"}, indent=1))
 
 
 if __name__ == "__main__":
