@@ -21,7 +21,7 @@ from benchmarks.accuracy.detectors import (
     row,
     shipped,
 )
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from training.data import IGNORE, WINDOW, bounds, read_set
 from training.matching import best_threshold, describe, join, match
@@ -86,6 +86,7 @@ def test_nothing_found_and_nothing_there():
     assert np.isnan(described(TRUTH, np.full(4, 0.9), NOTHING)["area_bias"])
 
 
+@settings(deadline=None, max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.95))
 def test_boxes_below_the_threshold_do_not_change_the_matching(seed, threshold):
     rng = np.random.default_rng(seed)
@@ -223,20 +224,19 @@ def test_the_shipped_detector_and_its_refinement_are_measured():
 class MadeUp:
     """A further detector, as ``--other`` takes it."""
 
-    threshold = 0.25
-
     def __init__(self, path):
         self.path = path
 
     def __call__(self, _rgb, _m_per_px):
-        return TRUTH, np.full(4, 0.3)
+        return np.concatenate([TRUTH, TRUTH + 40]), np.repeat([0.3, 0.1], 4)
 
 
 def test_any_function_can_be_measured(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "made_up", sys.modules[__name__])
-    detector = other("made up", "made_up:MadeUp", str(tmp_path))
-    assert detector.find.path == tmp_path
-    picture = Picture(np.zeros((120, 120, 3), np.uint8), 0.02, TRUTH, NOTHING)
+    picture = Picture(np.zeros((200, 200, 3), np.uint8), 0.02, TRUTH, NOTHING)
+    sets = {"hslu-rectified": [picture], "spb": [picture]}
+    detector = other("made up", "made_up:MadeUp", str(tmp_path), sets)
+    assert detector.find.path == tmp_path and detector.threshold == 0.3
     line = row("spb", detector.title, measure(detector, [picture]))
     assert line.startswith("| SPB val | made up | 4 | 1.000 |")
     assert line.count("|") == header().splitlines()[0].count("|")

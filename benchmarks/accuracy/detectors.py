@@ -25,7 +25,7 @@ from benchmarks.accuracy import classical
 from benchmarks.accuracy.views_or_fused import facades_of, truth_of
 from training.data import IGNORE, WINDOW, Facade, data_folder, read_set, read_validation
 from training.data import M_PER_PX as TRAINED_M_PER_PX
-from training.matching import clipped, describe, join, match
+from training.matching import Matched, best_threshold, clipped, describe, join, match
 from training.measure import views
 from training.targets import iou
 
@@ -41,6 +41,8 @@ Find = Callable[[np.ndarray, float], tuple[np.ndarray, np.ndarray]]
 """RGB uint8 (H, W, 3) and metres per pixel to boxes (N, 4) in pixels and scores (N,)."""
 M_PER_PX = 0.02
 TRUTH = Path(__file__).parents[2] / "tests" / "data" / "castle_truth.json"
+UPRIGHT = ("hslu-rectified", "spb")
+"""Sets like the pictures of a run."""
 TITLES = {
     "hslu-rectified": "HSLU val, rectified",
     "hslu": "HSLU val, as photographed",
@@ -118,11 +120,16 @@ def shipped(path: Path | None) -> list[Detector]:
     ]
 
 
-def other(title: str, maker: str, path: str) -> Detector:
-    """What ``maker`` ("module:name") makes of a path: a `Find` with an attribute ``threshold``."""
+def other(title: str, maker: str, path: str, sets: dict[str, list[Picture]]) -> Detector:
+    """What ``maker`` ("module:name") makes of a path: a `Find`.
+
+    Its threshold is chosen as that of the network that ships: the best F1 on the upright sets.
+    """
     module, _, name = maker.partition(":")
     find = getattr(import_module(module), name)(Path(path))
-    return Detector(title, find, find.threshold)
+    upright = [picture for each in UPRIGHT for picture in sets[each]]
+    at50, _ = matched(Detector(title, find, 0.0), upright)
+    return Detector(title, find, best_threshold(at50))
 
 
 def _ortho(rgb: np.ndarray) -> OrthoImage:
@@ -176,8 +183,8 @@ def common_shift(boxes: np.ndarray, truth: np.ndarray) -> np.ndarray:
     return np.median((offsets[hit, :2] + offsets[hit, 2:]) / 2, axis=0)
 
 
-def measure(detector: Detector, pictures: list[Picture]) -> dict[str, float]:
-    """The metrics of `training.matching.describe` of a detector on pictures of one scale."""
+def matched(detector: Detector, pictures: list[Picture]) -> tuple[Matched, Matched]:
+    """Everything that a detector finds on pictures of one scale, at IoU 0.5 and at IoU 0.75."""
     parts = []
     for picture in pictures:
         boxes, scores = detector.find(picture.rgb, picture.m_per_px)
@@ -186,7 +193,12 @@ def measure(detector: Detector, pictures: list[Picture]) -> dict[str, float]:
             truth = truth + np.tile(common_shift(boxes[scores >= detector.threshold], truth), 2)
         parts.append([match(boxes, scores, truth, picture.ignored, limit) for limit in (0.5, 0.75)])
     at50, at75 = zip(*parts, strict=True)
-    return describe(join(list(at50)), join(list(at75)), detector.threshold)
+    return join(list(at50)), join(list(at75))
+
+
+def measure(detector: Detector, pictures: list[Picture]) -> dict[str, float]:
+    """The metrics of `training.matching.describe` of a detector on pictures of one scale."""
+    return describe(*matched(detector, pictures), detector.threshold)
 
 
 def row(set_name: str, title: str, metrics: dict[str, float]) -> str:
@@ -226,12 +238,12 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="file for all figures, unrounded")
     options = parser.parse_args()
     folder = data_folder(options.data)
+    sets = pictures_of(read_validation(folder))
     detectors = [
         *shipped(options.weights),
-        *(other(*words) for words in options.other),
+        *(other(*words, sets) for words in options.other),
         Detector("classical baseline", classical.find_windows, classical.THRESHOLD),
     ]
-    sets = pictures_of(read_validation(folder))
     if options.castle:
         sets["castle"] = castle_pictures(options.castle)
     if options.cmp:
