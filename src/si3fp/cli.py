@@ -29,7 +29,6 @@ from si3fp.config import StreetConfig
 from si3fp.demo import run_demo
 from si3fp.errors import Si3fpError
 from si3fp.pipeline import run_street
-from si3fp.report.evaluation_report import write_evaluation_report
 from si3fp.report.evaluation_table import evaluation_table
 from si3fp.report.map_layer import write_map_layer
 from si3fp.report.picture_overlays import overlay_files, write_overlays
@@ -191,6 +190,9 @@ def evaluate(
         )
     click.echo(evaluation_table(evaluation))
     if out is not None:
+        # matplotlib takes long to load and only this verb draws with it.
+        from si3fp.report.evaluation_report import write_evaluation_report  # noqa: PLC0415
+
         click.echo(f"report: {write_evaluation_report(evaluation, out)}")
 
 

@@ -169,7 +169,7 @@ def _apart(facade: Facade, other: Facade) -> str:
         return f"it faces the other way ({fit.angle_deg:.0f} degrees)"
     return (
         f"turned by {fit.angle_deg:.0f} degrees, {fit.distance_m:.1f} m off its plane, "
-        f"overlap {fit.overlap:.0%}"
+        f"overlap {fit.overlap * 100:.0f} %"
     )
 
 

@@ -25,7 +25,7 @@ def facades_part(result: Evaluation) -> Markup | None:
     if not facades:
         return None
     head = ["Facade", "True", "Found", "Right", "Mean IoU", "Area err (%)", "Position err (m)",
-            "Area (m²)", "Area err (%)", "WWR true", "WWR found", "Interval"]  # fmt: skip
+            "Wall (m²)", "Wall err (%)", "WWR true", "WWR found", "Interval"]  # fmt: skip
     rows = [_facade_row(facade) for facade in facades]
     classes = [None if facade.found_id is not None else "muted" for facade in facades]
     legend = [

@@ -105,7 +105,10 @@ def _name(file: Path) -> str:
 def _rows(head: tuple[str, ...], rows: list[tuple[str, ...]], words: tuple[int, ...]) -> Markup:
     return table(
         [name.replace("\n", " ") for name in head],
-        [[ABSENT if cell == "-" else cell for cell in row] for row in rows],
+        [
+            [ABSENT if cell == "-" else cell.replace(" ", "\N{NO-BREAK SPACE}") for cell in row]
+            for row in rows
+        ],
         words=words,
         row_classes=["total" if row[0] == TOTAL else None for row in rows],
     )
@@ -141,8 +144,8 @@ def _sentences(evaluation: ModelEvaluation) -> Iterator[str]:
     windows, everything = result.windows, result.windows_total
     true = everything.true_positives + everything.false_negatives
     yield (
-        f"Of {counted(true, 'true window')}, {everything.true_positives} were found; "
-        f"{everything.false_positives} more were found that are none."
+        f"{everything.true_positives} of {counted(true, 'true window')} were found, and "
+        f"{counted(everything.false_positives, 'wrong one')}."
     )
     if result.missing_count and result.missing_count < result.facade_count:
         yield (
