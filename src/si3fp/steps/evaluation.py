@@ -263,7 +263,7 @@ def _heating(
         return (), None, ("No heating demand was compared: no weather file was given (--epw).",)
     results = []
     with _folder(out) as folder:
-        for name, model in (("found", found), ("true", truth)):
+        for name, model in (("true", truth), ("found", found)):
             try:
                 results.append(simulate(model, epw, folder / name, say))
             except MissingDependencyError as error:
@@ -274,7 +274,7 @@ def _heating(
         {building.id: (building.heating_kwh, building.floor_area_m2) for building in r.buildings}
         for r in results
     ]
-    return compare_heating(demands[0], demands[1]), results[1].weather, ()
+    return compare_heating(demands[1], demands[0]), results[0].weather, ()
 
 
 @contextmanager
