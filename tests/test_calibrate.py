@@ -1,15 +1,29 @@
 """Calibration on pictures whose truth is drawn or written by hand."""
 
+import json
+import shutil
+from importlib import resources
+from pathlib import Path
+
 import numpy as np
 import pytest
 from training.augment import Sample
-from training.calibrate import FOLDS, calibrate, coverage, fit_errors, fit_spread_factor, folds
+from training.calibrate import (
+    FOLDS,
+    calibrate,
+    coverage,
+    fit_errors,
+    fit_spread_factor,
+    folds,
+    raw_detector,
+)
 from training.data import BALCONY, IGNORE, WINDOW
 from training.matching import Matched
 from training.reliability import KNOTS, draw, fit_curve, reliability
 from training.walls import WALL_MARGIN_PX, Picture, compare
 
-from si3fp.model import Detections
+from si3fp.model import Detections, OrthoImage
+from si3fp.windows.detect import OnnxDetector
 from si3fp.windows.interval import WwrErrors
 
 
@@ -99,21 +113,21 @@ def test_errors_of_ratios_are_recovered():
         correlation=0.1, missed_mean=0.015, missed_sd=0.02, common_sd=0.08, part_sd=0.09
     )
     rng = np.random.default_rng(3)
-    pictures = [drawn(rng, truth) for _ in range(1500)]
+    pictures = [drawn(rng, truth) for _ in range(600)]
     found = fit_errors(pictures, lambda scores: scores)
     for name in ("correlation", "missed_mean", "missed_sd", "common_sd", "part_sd"):
-        assert getattr(found, name) == pytest.approx(getattr(truth, name), rel=0.15), name
+        assert getattr(found, name) == pytest.approx(getattr(truth, name), rel=0.2), name
 
 
 def test_intervals_cover_nine_of_ten_pictures_that_the_calibration_did_not_see():
     truth = WwrErrors(0.1, 0.015, 0.02, 0.08, 0.09)
     rng = np.random.default_rng(4)
-    known = calibrate([drawn(rng, truth, sigma_px=0.5) for _ in range(300)])
-    fresh = [drawn(rng, truth, sigma_px=0.5) for _ in range(400)]
+    known = calibrate([drawn(rng, truth, sigma_px=0.5) for _ in range(200)])
+    fresh = [drawn(rng, truth, sigma_px=0.5) for _ in range(300)]
     intervals = np.array([known.interval(picture) for picture in fresh])
     ratios = np.array([picture.true_ratio for picture in fresh])
     report = coverage(["drawn"] * len(fresh), ratios, intervals)
-    # Sampling alone moves 400 pictures by 0.015.
+    # Sampling alone moves 300 pictures by 0.017.
     assert report["all"]["covered"] == pytest.approx(0.9, abs=0.05)
     assert report["drawn"] == report["all"]
 
@@ -182,3 +196,27 @@ def test_a_picture_against_its_truth():
     assert picture.balconies.hits.tolist() == [True]
     window = picture.windows(np.array([0.5, 0.1]))[0]
     assert window.area_m2 == pytest.approx(39 * 63 * 0.03**2)
+
+
+def test_scores_leave_the_detector_calibrated_and_the_raw_one_as_they_are(tmp_path):
+    weights = Path(str(resources.files("si3fp.windows") / "weights"))
+    model = tmp_path / "detector.onnx"
+    shutil.copyfile(weights / "detector.onnx", model)
+    described = json.loads((weights / "detector.json").read_text())
+    curve = [KNOTS.tolist(), (KNOTS**2).tolist()]
+    described["calibration"] = {"window": curve, "balcony": curve}
+    described["wwr"] = {"correlation": 0.1, "missed_mean": 0.01, "missed_sd": 0.02,
+                        "common_sd": 0.08, "part_sd": 0.09}  # fmt: skip
+    model.with_suffix(".json").write_text(json.dumps(described))
+
+    rng = np.random.default_rng(0)
+    rgb = np.full((160, 160, 3), 200, np.uint8)
+    rgb[50:100, 60:95] = rng.integers(20, 60, (50, 35, 3))
+    image = OrthoImage("x", rgb, np.ones(rgb.shape[:2], bool))
+    calibrated, raw = OnnxDetector(model), raw_detector(model)
+    found = raw.detect(image, raw.m_per_px)
+    scores = calibrated.detect(image, raw.m_per_px).scores
+    assert len(found)
+    assert scores == pytest.approx(np.interp(found.scores, *curve))
+    assert calibrated.wwr_errors == WwrErrors(0.1, 0.01, 0.02, 0.08, 0.09)
+    assert raw.wwr_errors is None

@@ -7,9 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from si3fp.config import FusionConfig, MeasureConfig
 from si3fp.errors import InputError
-from si3fp.model import Window
-from si3fp.windows.interval import NORMAL_90, WwrErrors, window_area, wwr_interval
+from si3fp.geometry.facade_grid import FacadeGrid
+from si3fp.geometry.rigid import Rigid3
+from si3fp.model import Detections, Facade, FacadeViews, OrthoImage, Window
+from si3fp.windows.interval import NORMAL_90, WwrErrors, joint_interval, window_area, wwr_interval
+from si3fp.windows.parse import parse_facade
 
 NONE = WwrErrors(0.0, 0.0, 0.0, 0.0, 0.0)
 SOME = WwrErrors(correlation=0.04, missed_mean=0.01, missed_sd=0.02, common_sd=0.08, part_sd=0.09)
@@ -147,3 +151,55 @@ def test_nine_of_ten_facades_drawn_from_the_model_are_covered(score):
 def test_impossible_facades_are_refused(area_m2, share):
     with pytest.raises(InputError, match="positive facade area"):
         wwr_interval([], [], area_m2, share, SOME)
+
+
+def test_several_facades_err_alike():
+    def facade(width_m, interval):
+        pose = Rigid3(np.eye(3), np.zeros(3))
+        return Facade("house-0", pose, width_m, 5.0, wwr_interval=interval)
+
+    both = joint_interval([facade(30.0, (0.1, 0.2)), facade(10.0, (0.3, 0.4))])
+    assert both == pytest.approx((0.15, 0.25))
+    assert joint_interval([facade(30.0, (0.1, 0.2)), facade(10.0, None)]) is None
+    assert joint_interval([]) is None
+
+
+class KnownDetector:
+    """Finds four windows of 25 x 40 px, and one that is doubtful, on every image."""
+
+    def __init__(self, wwr_errors):
+        self.thresholds = {"window": 0.5, "balcony": 0.5}
+        self.wwr_errors = wwr_errors
+
+    def detect(self, image, m_per_px):
+        boxes = np.array([[30 + 60 * k, 60, 55 + 60 * k, 100] for k in range(5)], float)
+        scores = np.array([0.95, 0.95, 0.95, 0.95, 0.3])
+        return Detections(boxes, scores, np.full(5, "window"), np.full((5, 4), 0.5))
+
+
+def parsed(wwr_errors, valid):
+    grid = FacadeGrid(Rigid3(np.eye(3), np.zeros(3)), valid.shape[1], valid.shape[0], 0.04)
+    view = OrthoImage("a", np.full((*valid.shape, 3), 128, np.uint8), valid)
+    return parse_facade(
+        FacadeViews("house-0", grid, (view,)),
+        view,
+        {"a": np.array([6.0, 2.0, 10.0])},
+        KnownDetector(wwr_errors),
+        FusionConfig(),
+        MeasureConfig(refine=False, correct_recess=False),
+    )
+
+
+def test_a_facade_carries_the_interval_of_its_detector():
+    valid = np.ones((200, 340), bool)
+    facade = parsed(SOME, valid)
+    ratio = sum(window.area_m2 for window in facade.windows) / (340 * 200 * 0.04**2)
+    assert len(facade.windows) == 4
+    low, high = facade.wwr_interval
+    # Four of 0.95 and one of 0.3 make 4.1 windows, and 1 % of the wall are missed.
+    assert (low + high) / 2 == pytest.approx(ratio / 4 * 4.1 + 0.01, rel=0.02)
+    assert low < ratio < high
+    valid[:, 310:] = False
+    less_seen = parsed(SOME, valid)
+    assert less_seen.wwr_interval[1] > high
+    assert parsed(None, valid).wwr_interval is None

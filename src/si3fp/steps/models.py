@@ -22,6 +22,7 @@ from si3fp.thermal.archetypes import Archetype, archetype
 from si3fp.thermal.assemble import assemble
 from si3fp.thermal.building import make_building
 from si3fp.thermal.energyplus import SimulationResult, simulate
+from si3fp.windows.interval import joint_interval
 from si3fp.workspace import (
     Workspace,
     dump_json,
@@ -74,6 +75,7 @@ def _stamped(hbjson: dict[str, Any], about: dict[str, Any]) -> dict[str, Any]:
 def _building_row(building: Building, kind: Archetype, notes: Sequence[str]) -> dict[str, Any]:
     area = sum(facade.width_m * facade.height_m for facade in building.facades)
     glass = sum(w.area_m2 for facade in building.facades for w in facade.windows)
+    interval = joint_interval(building.facades)
     return {
         "id": building.id,
         "storeys": building.storeys,
@@ -81,6 +83,7 @@ def _building_row(building: Building, kind: Archetype, notes: Sequence[str]) -> 
         "year": building.year,
         "facades": [facade.id for facade in building.facades],
         "wwr": round(glass / area, 5) if area else None,
+        "wwr_interval": None if interval is None else rounded(interval, 5),
         "archetype": {"name": kind.name, **asdict(kind)},
         "notes": list(notes),
     }

@@ -16,7 +16,7 @@ import numpy as np
 from si3fp.errors import InputError
 from si3fp.geometry.boxes import iou_matrix
 from si3fp.geometry.rigid import FloatArray
-from si3fp.model import Window
+from si3fp.model import Facade, Window
 
 NORMAL_90 = 1.6449
 """Standard deviations to each side that hold 90 % of a normal distribution."""
@@ -103,6 +103,23 @@ def wwr_interval(
     sd = float(np.sqrt(variance_m4 / seen_m2**2 + errors.missed_sd**2 + unseen_sd**2))
     low, high = mean - NORMAL_90 * sd, mean + NORMAL_90 * sd
     return max(min(low, point), 0.0), min(max(high, point), 1.0)
+
+
+def joint_interval(facades: Sequence[Facade]) -> tuple[float, float] | None:
+    """90 % interval of the ratio over several facades; None where one of them has none.
+
+    The ends are weighed by area, as if all facades erred alike: one detector looked at one building
+    in one light, and nothing measured tells how far its facades err apart.
+    """
+    total_m2 = sum(facade.width_m * facade.height_m for facade in facades)
+    low = high = 0.0
+    for facade in facades:
+        if facade.wwr_interval is None:
+            return None
+        share = facade.width_m * facade.height_m / total_m2
+        low += share * facade.wwr_interval[0]
+        high += share * facade.wwr_interval[1]
+    return (low, high) if facades else None
 
 
 def window_area(boxes: Sequence[Window], errors: WwrErrors) -> tuple[float, float]:
