@@ -120,7 +120,7 @@ class MeasureConfig:
     own_sigma_m: float = 0.06  # decision: how far one window's side lies off its like
     mullion_m: float = 0.12  # decision: widest post between lights of one opening
     infer: bool = True  # add windows where rows and columns want one and nobody could see
-    min_inferred: float = 0.7  # decision: least probability of an added window
+    min_completed: float = 0.7  # decision: least probability of a window that they add
     assumed_recess_m: float = 0.12  # decision: typical reveal where the depth is unknown
     recess_sigma_m: float = 0.06  # decision: uncertainty of that assumption
     correct_recess: bool = True

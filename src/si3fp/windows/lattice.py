@@ -25,9 +25,11 @@ from si3fp.windows.seen import share_seen
 MISSED = 0.02
 """Probability that the detector gives a window that it fully sees no score at all."""
 MOST_REGULAR = 0.9
-"""No row or column tells more: facades have doors, gates and blind bays."""
-BASE_WEIGHT = 2.0
-"""Cells that the whole facade counts for in the completeness of one row or column."""
+"""No row and column tell more: facades have blind bays."""
+MOST_REGULAR_BELOW = 0.75
+"""Nor in the lowest row, where entrances take the place of windows."""
+ENTRANCE_M = 1.0
+"""What starts less than this above the lowest cell may be an entrance."""
 SAME_PLACE_IOU = 0.4
 """Overlap from which a weak detection speaks for a cell."""
 CLEARANCE_M = 0.1
@@ -82,9 +84,9 @@ def complete_windows(
     grid
         Grid of the facade.
     threshold
-        Probability from which a weak detection that fits the lattice counts as detected.
+        Recommended score of the detector.
     config
-        Least probability of an inferred window; whether to infer at all.
+        Least probability of a window that the lattice adds; whether to infer at all.
 
     Notes
     -----
@@ -113,12 +115,12 @@ def complete_windows(
             )
             weak = candidates[best]
             sure = _updated(expected, weak.score / (1 - min(weak.score, 0.999)))
-            if sure >= max(threshold, 0.5):
+            if sure >= max(threshold, config.min_completed):
                 added.append((sure, _raised(weak, sure, prior.words(cell))))
             continue
         silence = (1 - (1 - MISSED) * cell.seen) / (1 - MISSED)
         sure = _updated(expected, silence)
-        if config.infer and sure >= config.min_inferred:
+        if config.infer and sure >= config.min_completed:
             mates = np.flatnonzero((rows == cell.row) | (columns == cell.column))
             added.append((sure, _inferred(cell, windows, mates, sure, prior.words(cell))))
     chosen = list(windows)
@@ -145,8 +147,9 @@ def _cells(
     seen: NDArray[np.float32],
     grid: FacadeGrid,
 ) -> list[Cell]:
-    """Where every row of two windows or more crosses every column, be it of one."""
+    """Where every row of two windows or more crosses every column with a window in such a row."""
     found = []
+    in_rows = np.bincount(rows)[rows] >= 2
     for row in range(rows.max(initial=-1) + 1):
         for column in range(columns.max(initial=-1) + 1):
             in_row, in_column = rows == row, columns == column
@@ -156,7 +159,9 @@ def _cells(
                     np.median(frames.edges_m[in_row, 2:], axis=0),
                 ]
             )
-            if in_row.sum() < 2 or not _inside(box, grid):
+            if not ((in_row & in_rows).any() and (in_column & in_rows).any()):
+                continue
+            if not _inside(box, grid):
                 continue
             touched = _touches(box[None], frames.edges_m)[0]
             taken = bool((in_row & in_column).any())
@@ -184,47 +189,33 @@ def _touches(first: FloatArray, second: FloatArray) -> NDArray[np.bool_]:
 
 
 class _Regularity:
-    """How complete rows, columns and the facade are, of the cells that could be seen."""
+    """How complete the row and the column of a cell are, of the places that could be seen."""
 
     def __init__(self, cells: Sequence[Cell]) -> None:
-        told = [c for c in cells if c.taken or (not c.blocked and c.seen >= HALF_SEEN)]
-        self._rows = self._count(told, [c.row for c in told])
-        self._columns = self._count(told, [c.column for c in told])
-        full = sum(cell.taken for cell in told)
-        self._base = (full + 1) / (len(told) + 2)
-
-    @staticmethod
-    def _count(cells: Sequence[Cell], keys: Sequence[int]) -> dict[int, tuple[int, int]]:
-        counts: dict[int, tuple[int, int]] = {}
-        for cell, key in zip(cells, keys, strict=True):
-            full, total = counts.get(key, (0, 0))
-            counts[key] = (full + cell.taken, total + 1)
-        return counts
+        self._entrances_m = min((c.edges_m[2] for c in cells), default=0.0) + ENTRANCE_M
+        self._told = [c for c in cells if c.taken or (not c.blocked and c.seen >= HALF_SEEN)]
 
     def probability(self, cell: Cell) -> float:
-        """Prior probability of a window in a cell that says nothing itself."""
-        base = _log_odds(self._base)
-        total = base
-        for full, among in self._of(cell):
-            share = (full + BASE_WEIGHT * self._base) / (among + BASE_WEIGHT)
-            total += _log_odds(share) - base
-        return float(min(1 / (1 + np.exp(-total)), MOST_REGULAR))
+        """Prior probability of a window in a cell that says nothing itself.
+
+        Row and column count as two witnesses with even odds before (Laplace's rule for each).
+        """
+        odds = 1.0
+        for full, among in self._counts(cell):
+            odds *= (full + 1) / (among - full + 1)
+        below = cell.edges_m[2] < self._entrances_m
+        return min(odds / (1 + odds), MOST_REGULAR_BELOW if below else MOST_REGULAR)
 
     def words(self, cell: Cell) -> str:
         """The counts that the prior rests on."""
-        (in_row, row), (in_column, column) = self._of(cell)
+        (in_row, row), (in_column, column) = self._counts(cell)
         return f"{in_row} of {row} places of its row and {in_column} of {column} of its column"
 
-    def _of(self, cell: Cell) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Full and all cells of the row and of the column, without the cell itself."""
-        itself = int(not cell.blocked and cell.seen >= HALF_SEEN)
-        row_full, row = self._rows.get(cell.row, (0, 0))
-        column_full, column = self._columns.get(cell.column, (0, 0))
-        return (row_full, row - itself), (column_full, column - itself)
-
-
-def _log_odds(probability: float) -> float:
-    return float(np.log(probability / (1 - probability)))
+    def _counts(self, cell: Cell) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Full and all other cells of the row and of the column."""
+        row = [c.taken for c in self._told if c.row == cell.row and c is not cell]
+        column = [c.taken for c in self._told if c.column == cell.column and c is not cell]
+        return (sum(row), len(row)), (sum(column), len(column))
 
 
 def _updated(probability: float, ratio: float) -> float:

@@ -22,8 +22,8 @@ RANGE_M = 1.0
 """Values that belong to no level are spread evenly over this length around any level."""
 GROUP_SPREAD_M = 0.03
 """Spread within a level while levels are sought; afterwards the data tell it."""
-LEAST_SPREAD_M = 0.005
-"""Nobody builds more accurately than this."""
+LEAST_SPREAD_M = 0.02
+"""Nobody builds, and no facade is rectified, more accurately than this."""
 MOST_SPREAD_M = 0.2
 POOLED_WEIGHT = 4.0
 """Values that the spread of all levels counts for in the spread of one."""
