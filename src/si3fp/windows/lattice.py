@@ -118,8 +118,8 @@ def complete_windows(
             if sure >= max(threshold, config.min_completed):
                 added.append((sure, _raised(weak, sure, prior.words(cell))))
             continue
-        silence = (1 - (1 - MISSED) * cell.seen) / (1 - MISSED)
-        sure = _updated(expected, silence)
+        # Silence is certain where there is no window, and where there is one but hidden.
+        sure = _updated(expected, 1 - (1 - MISSED) * cell.seen)
         if config.infer and sure >= config.min_completed:
             mates = np.flatnonzero((rows == cell.row) | (columns == cell.column))
             added.append((sure, _inferred(cell, windows, mates, sure, prior.words(cell))))
