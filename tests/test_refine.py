@@ -87,3 +87,15 @@ def test_windows_at_the_edge_of_the_image_and_of_what_was_seen():
     refined = refine_boxes(boxes(*windows), image, 0.02, MeasureConfig())
     assert np.isfinite(refined.detections.boxes_px).all()
     assert error_px(refined, windows) < 6
+
+
+def test_a_network_that_knows_its_sides_is_believed_and_the_sides_say_how_sure_they_are():
+    image = facade(TRUE, surround_px=10)
+    rows = [(x0 - 8, y0 - 9, x1 + 7, y1 + 8) for x0, y0, x1, y1 in TRUE]
+    loose = boxes(*rows).detections
+    told = Detections(loose.boxes_px, loose.scores, loose.labels, np.full((4, 4), 0.5))
+    sure = refine_boxes(FusedDetections(told, boxes(*rows).views), image, 0.02, MeasureConfig())
+    unsure = refine_boxes(boxes(*rows), image, 0.02, MeasureConfig())
+    assert error_px(sure, rows) < 1.0 < 5.0 < error_px(unsure, rows)
+    assert (sure.detections.edge_sigma_px < 1).all()
+    assert (unsure.detections.edge_sigma_px > sure.detections.edge_sigma_px).mean() > 0.9

@@ -319,3 +319,16 @@ def test_the_installed_command_answers():
         [sys.executable, "-m", "si3fp.cli", "--version"], capture_output=True, text=True, check=True
     )
     assert "si3fp" in result.stdout
+
+
+def test_windows_that_only_rows_and_columns_tell_can_be_left_out(monkeypatch, on_street):
+    asked = []
+
+    def note(_panoramas, _footprints, _out, config, **_options):
+        asked.append(config.measure.infer)
+        raise FacadeError("far enough")
+
+    monkeypatch.setattr(cli, "run_street", note)
+    on_street()
+    on_street("--no-inferred")
+    assert asked == [True, False]
