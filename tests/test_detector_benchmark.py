@@ -192,7 +192,8 @@ def test_the_baseline_scales_with_the_picture():
     half = cv2.resize(picture.rgb, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     small, _ = classical.find_windows(half, 0.04)
     sure = boxes[scores >= classical.THRESHOLD]
-    assert np.all(iou(sure, 2 * small).max(axis=1) > 0.95)
+    # A pixel of the working resolution per side, of windows 43 x 60 of them.
+    assert np.all(iou(sure, 2 * small).max(axis=1) > 0.85)
 
 
 @pytest.mark.parametrize("shape", [(8, 8, 3), (300, 400, 3)])

@@ -11,28 +11,28 @@ from itertools import product
 import cv2
 import numpy as np
 
-WORKING_M_PER_PX = 0.04
-THRESHOLD = 0.057
+WORKING_M_PER_PX = 0.03
+THRESHOLD = 0.059
 """Score from which a box is taken for a window: the best F1 on the training pictures."""
-SIZES_M = (0.4, 3.2)
+SIZES_M = (0.3, 2.4)
 SIZE_STEPS = 16
 LARGEST_RATIO = 3.0
 STRIDE_PX = 2
 REACH_PX = 2
 """How far a side may be from its edge before it is moved there."""
-USUAL_EDGE_M = 4.0
+USUAL_EDGE_M = 3.0
 """Side of the square whose mean gradient is the usual one."""
 LEAST_EDGE = 0.6
 """Gradient that the weaker sides need, as a multiple of the usual one."""
 MOST = 8000
 """Candidates that are looked at more closely."""
-WALL_M = 2.6
+WALL_M = 2.0
 """Side of the square whose median colour is the wall's."""
 LARGEST_DISTANCE = 60.0
-RING_M = 0.2
+RING_M = 0.15
 HALF_EDGE, HALF_CONTRAST = 2.0, 6.0
 """Gradient (times the usual one) that scores 0.5, and Lab distance that noise makes."""
-USUAL_M2, USUAL_SPREAD = 2.9, 0.8
+USUAL_M2, USUAL_SPREAD = 1.6, 0.8
 """Area of a window with its frame and surround, and standard deviation of its logarithm."""
 NMS_SHARE = 0.4
 
