@@ -387,6 +387,7 @@ def test_walls_and_apertures_carry_where_they_come_from():
         views=("p1", "p2"),
         edge_sigma_m=(0.01, 0.02, 0.03, 0.04),
         recess_m=0.1,
+        evidence="seen in 2 views",
     )
     building = make_building({0: [window]}, missing=(Missing("b-2", "align", "one view only"),))
     model = build(building)
@@ -402,6 +403,7 @@ def test_walls_and_apertures_carry_where_they_come_from():
         "score": 0.7,
         "views": ["p1", "p2"],
         "origin": "detected",
+        "evidence": "seen in 2 views",
         "recess_m": 0.1,
         "edge_sigma_m": [0.01, 0.02, 0.03, 0.04],
     }

@@ -147,6 +147,7 @@ def _aperture(name: str, world_from_wall: Rigid3, opening: Opening, facade_id: s
             "score": float(window.score),
             "views": list(window.views),
             "origin": window.origin,
+            "evidence": window.evidence,
             "recess_m": None if window.recess_m is None else float(window.recess_m),
             "edge_sigma_m": [float(sigma) for sigma in window.edge_sigma_m],
         },
