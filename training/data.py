@@ -98,8 +98,9 @@ def read_set(
         by_image.setdefault(annotation["image_id"], []).append(annotation)
     classes = (WINDOW, BALCONY) if name == "hslu-facades" else (WINDOW,)
     facades = []
-    for image in document["images"]:
-        file_name = image["file_name"]
+    # SPB lists 70 pictures twice, with the same boxes.
+    once = {image["file_name"]: image for image in document["images"]}
+    for file_name, image in once.items():
         if (keep is not None and file_name not in keep) or (drop and file_name in drop):
             continue
         annotations = [

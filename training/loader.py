@@ -13,7 +13,8 @@ from training.data import Facade
 from training.photometric import photometric
 from training.targets import encode
 
-_SPB_NEGATIVE = 0.4
+_NEGATIVE = {"spb-facades": 0.4, "hslu-facades": 0.8}
+"""Weight of the background, where windows may be unlabelled: often in SPB, at times in HSLU."""
 _LAYOUTS = {(1, 1): 0.45, (1, 2): 0.3, (2, 1): 0.15, (2, 2): 0.1}
 
 
@@ -56,8 +57,7 @@ class Crops(IterableDataset):
                 cells = np.s_[y // 4 : (y + part[1]) // 4, x // 4 : (x + part[0]) // 4]
                 for k in (0, 1):
                     active[k][cells] = float(k in facade.classes)
-                if facade.source == "spb-facades":
-                    negative[cells] = _SPB_NEGATIVE
+                negative[cells] = _NEGATIVE.get(facade.source, 1.0)
         sample = Sample(image, np.concatenate(boxes), np.concatenate(labels))
         targets = encode(sample.boxes, sample.labels, (size, size))
         targets |= {"active": active, "negative": negative}
