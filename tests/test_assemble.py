@@ -1,6 +1,7 @@
 """The thermal model: geometry against hand computation, EnergyPlus's rules, honeybee's schema."""
 
 import json
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -567,3 +568,15 @@ def test_storeys_lie_on_one_another():
     assert feet[0] == pytest.approx(4.2)
     assert tops[-1] == pytest.approx(14.2)
     assert tops[:-1] == feet[1:]
+
+
+def test_walls_state_the_interval_of_their_facade():
+    building = make_building({0: [Window(1.0, 1.0, 1.0, 1.0)]})
+    (facade,) = building.facades
+    model = build(replace(building, facades=(replace(facade, wwr_interval=(0.02, 0.2)),)))
+    stated = {
+        wall["user_data"]["facade_id"]: wall["user_data"].get("wwr_interval")
+        for wall in walls(model)
+    }
+    assert stated.pop("b-0") == [0.02, 0.2]
+    assert set(stated.values()) == {None}

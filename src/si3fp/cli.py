@@ -305,7 +305,7 @@ def main() -> NoReturn:
         sys.exit(error.exit_code)
     except (KeyboardInterrupt, click.Abort):
         click.echo(
-            "Interrupted. The same command without --overwrite continues where it stopped.",
+            "Interrupted. The same command without --overwrite continues a run where it stopped.",
             err=True,
         )
         sys.exit(EXIT_INTERRUPTED)

@@ -93,7 +93,7 @@ def run_street(
     with timed("S.1 collect"):
         inputs = steps.collect(panoramas, footprints, config, circle=circle, columns=columns)
         detector = OnnxDetector()
-        key = steps.run_key(inputs, config, detector.sha256, si3fp.__version__)
+        key = steps.run_key(inputs, config, detector.fingerprint, si3fp.__version__)
         steps.claim(workspace, key, overwrite)
     with timed("S.2 cluster"):
         clusters = cluster_walls(

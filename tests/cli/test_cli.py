@@ -136,7 +136,7 @@ def test_interrupted_is_130_and_says_how_to_go_on(on_street, monkeypatch):
     monkeypatch.setattr(steps, "make_views", stop)
     code, _, err = on_street("--overwrite")
     assert code == 130
-    assert "without --overwrite continues where it stopped" in err
+    assert "without --overwrite continues a run where it stopped" in err
 
 
 def test_the_demo_can_replace_the_run_of_another_version(si3fp, tmp_path, monkeypatch):

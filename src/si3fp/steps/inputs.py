@@ -157,8 +157,10 @@ def claim(workspace: Workspace, key: str, overwrite: bool) -> None:
     write_text(workspace.key, dump_json({"key": key}))
 
 
-def run_key(inputs: StreetInputs, config: StreetConfig, detector_sha256: str, version: str) -> str:
+def run_key(
+    inputs: StreetInputs, config: StreetConfig, detector_fingerprint: str, version: str
+) -> str:
     """Names a run: the same key means the same results."""
     return key_of(
-        dict(inputs.hashes), dict(inputs.columns), config.as_dict(), detector_sha256, version
+        dict(inputs.hashes), dict(inputs.columns), config.as_dict(), detector_fingerprint, version
     )

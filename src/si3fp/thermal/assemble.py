@@ -97,7 +97,7 @@ def assemble(
         openings, _ = project(facade, facade.world_from_facade)
         openings, fit_notes = fit(openings, facade.width_m, facade.height_m, config.inset_m)
         extent_m = (facade.width_m, 0.0, facade.height_m)
-        user_data = {"facade_id": facade.id}
+        user_data: Json = {"facade_id": facade.id, **_stated(facade)}
         faces.append(
             wall(
                 names[facade.id],
@@ -133,6 +133,12 @@ def assemble(
         },
     }
     return AssembledModel(hbjson, tuple(notes))
+
+
+def _stated(facade: Facade) -> Json:
+    """What is known of a facade as a whole, for the user data of its walls."""
+    interval = facade.wwr_interval
+    return {} if interval is None else {"wwr_interval": [float(end) for end in interval]}
 
 
 def _summary(building: Building, archetype: Archetype) -> Json:
@@ -200,6 +206,7 @@ def _walls(
             openings, project_notes = project(facade, world_from_wall)
             openings, fit_notes = fit(openings, edge.length_m, building.height_m, config.inset_m)
             notes += project_notes + fit_notes
+            user_data |= _stated(facade)
         by_storey, split_notes = split(openings, levels_m, config.inset_m)
         notes += split_notes
         party: list[int] = []

@@ -78,8 +78,8 @@ class OnnxDetector:
         onnx = path or Path(str(resources.files("si3fp.windows") / "weights" / "detector.onnx"))
         card = onnx.with_suffix(".json")
         try:
-            weights = onnx.read_bytes()
-            described: dict[str, Any] = json.loads(card.read_text(encoding="utf-8"))
+            weights, description = onnx.read_bytes(), card.read_bytes()
+            described: dict[str, Any] = json.loads(description)
         except (OSError, ValueError) as error:
             raise InputError(
                 f"The window detector needs {onnx} and {card.name} beside it: {error}."
@@ -90,6 +90,8 @@ class OnnxDetector:
                 f"{onnx} has SHA-256 {self.sha256}, {card.name} says {described['sha256']}: the "
                 "file is damaged or was exchanged. Install si3fp again."
             )
+        # Another calibration of the same weights finds other windows.
+        self.fingerprint = hashlib.sha256(weights + description).hexdigest()
         self.name = f"{described['name']} {described['version']}"
         self.m_per_px = float(described["m_per_px"])
         self.labels: tuple[str, ...] = tuple(described["labels"])
