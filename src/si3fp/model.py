@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from si3fp.errors import InputError
 from si3fp.geometry.enu import GeoOrigin
 from si3fp.geometry.facade_grid import FacadeGrid
+from si3fp.geometry.pinhole import Pinhole
 from si3fp.geometry.planes import Planes
 from si3fp.geometry.rigid import FloatArray, Rigid3
 
@@ -24,10 +25,13 @@ __all__ = [
     "Footprint",
     "GeoOrigin",
     "Image",
+    "KnownDistance",
     "LoadImage",
     "Missing",
     "OrthoImage",
     "Panorama",
+    "Photo",
+    "Pinhole",
     "Planes",
     "Rigid3",
     "Window",
@@ -91,6 +95,66 @@ class Panorama:
     def centre_in_world(self) -> FloatArray:
         """Optical centre (3,) in metres."""
         return self.pano_from_world.inverse().translation
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Photo:
+    """A photo with its pose.
+
+    Attributes
+    ----------
+    id
+        Name of the image.
+    camera
+        Its camera; the pixels of the photo are free of lens distortion.
+    cam_from_world
+        Pose; frame ``cam`` is x right, y down, z forward. Before the scale is known the world is
+        the frame of the reconstruction, in its units.
+    """
+
+    id: str
+    camera: Pinhole
+    cam_from_world: Rigid3
+
+    def __post_init__(self) -> None:
+        _require(bool(self.id), "A photo needs an id.")
+
+    @property
+    def centre_in_world(self) -> FloatArray:
+        """Optical centre (3,)."""
+        return self.cam_from_world.inverse().translation
+
+
+@dataclass(frozen=True, slots=True)
+class KnownDistance:
+    """A distance measured on site between two points, which gives a reconstruction its scale.
+
+    Attributes
+    ----------
+    start, end
+        Names of the points: ids of the photos taken from there, or of marked points.
+    distance_m
+        Length measured.
+    """
+
+    start: str
+    end: str
+    distance_m: float
+
+    def __post_init__(self) -> None:
+        _require(
+            bool(self.start) and bool(self.end) and self.start != self.end,
+            f"A known distance runs between two different points, got {self.start!r} and "
+            f"{self.end!r}.",
+        )
+        _require(
+            bool(np.isfinite(self.distance_m)) and self.distance_m > 0,
+            f"The distance from {self.start} to {self.end} is {self.distance_m} m; "
+            "give the length measured, a positive number of metres.",
+        )
+
+    def __str__(self) -> str:
+        return f"{self.start} - {self.end} ({self.distance_m:g} m)"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
