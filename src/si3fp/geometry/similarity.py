@@ -101,7 +101,8 @@ class SimilarityFit:
     @property
     def distances(self) -> FloatArray:
         """(N,) lengths of the residuals."""
-        return np.linalg.norm(self.residuals, axis=1)
+        distances: FloatArray = np.linalg.norm(self.residuals, axis=1)
+        return distances
 
 
 def fit_similarity(

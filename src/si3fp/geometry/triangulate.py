@@ -96,7 +96,7 @@ def triangulate(
             f"{nearest:.1f} px, {_OUTLIER_SIGMAS:g} x {sigma_px:g} px allowed); mark the same "
             "point in each photo."
         )
-    covariance: FloatArray = sigma_px**2 * np.linalg.inv(normal_matrix)
+    covariance = np.asarray(sigma_px**2 * np.linalg.inv(normal_matrix), dtype=np.float64)
     return TriangulatedPoint(point, covariance, residuals, used)
 
 
