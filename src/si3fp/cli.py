@@ -1,7 +1,8 @@
 """The command line: every verb is a thin shell around an importable function.
 
 Results go to stdout, progress and messages to stderr. Exit codes: 0 done, 1 an error with a
-message, 2 wrong usage, 3 done but a facade that cameras saw, or a picture, failed, 130 interrupted.
+message, 2 wrong usage, 3 done but a facade that cameras saw, or a picture, failed, or the photos
+are not ready, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -33,7 +34,14 @@ from si3fp.report.evaluation_table import evaluation_table
 from si3fp.report.map_layer import write_map_layer
 from si3fp.report.picture_overlays import overlay_files, write_overlays
 from si3fp.report.run_report import write_report
-from si3fp.steps import Circle, detect_pictures, evaluate_model, picture_files, simulate_run
+from si3fp.steps import (
+    Circle,
+    check_photos,
+    detect_pictures,
+    evaluate_model,
+    picture_files,
+    simulate_run,
+)
 from si3fp.steps import Progress as Report
 from si3fp.workspace import Workspace, dump_json, read_json
 
@@ -114,6 +122,23 @@ def street(
     write_report(out)
     click.echo(summary(out))
     if run.failed:
+        sys.exit(EXIT_PART_FAILED)
+
+
+@verbs.command()
+@click.argument("folder", type=a_path)
+@click.option("--check", is_flag=True, required=True, expose_value=False, help="Check the photos.")
+@click.option("-o", "--out", type=a_path, help="Write the figures as JSON.")
+@click.option("--overwrite", is_flag=True, help="Replace an earlier result.")
+def photos(folder: Path, out: Path | None, overwrite: bool) -> None:
+    """Check photos of a building: which to retake, and where some are missing (step C.1).
+
+    FOLDER holds JPEGs or PNGs, named in the order in which they were taken.
+    """
+    with progress_bars() as progress:
+        done = check_photos(folder, out, overwrite=overwrite, progress=progress)
+    click.echo(done.summary)
+    if not done.verdict.ready:
         sys.exit(EXIT_PART_FAILED)
 
 

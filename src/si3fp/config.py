@@ -20,6 +20,39 @@ class CollectConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class CaptureConfig:
+    """C.1: when a photo must be taken again and when photos hang together."""
+
+    max_pixels: int = 16384 * 8192  # our decoding limit
+    work_side_px: int = 2400  # decision: longer side for sharpness; the paper's stills have 4 MP
+    blurred_px: float = 0.8  # decision: above the sharp photos is blurred (at work_side_px)
+    blurred_factor: float = 2.0  # decision: and this many times as much
+    soft_px: float = 0.4  # decision: above the sharp photos: look at it
+    soft_set_px: float = 1.5  # decision: median of all photos
+    max_white: float = 0.2  # decision: share without detail, sky left out
+    max_black: float = 0.5  # decision
+    doubtful_share: float = 0.1  # decision: black or white without detail
+    min_pixels: int = 400_000  # decision: a window of 1.4 m has 10 px on a wall 80 m wide
+    good_pixels: int = 1_500_000  # decision; the paper's stills have 4 million
+    min_photos: int = 3  # a point seen by three is checked by the third
+    min_neighbours: int = 3  # decision
+    good_number: int = 20  # decision: photos of one building
+    twin_moved: float = 0.01  # decision: share of the longer side by which the picture moved
+    twin_share: float = 0.5  # decision: share of the photo that repeats
+    listed_weak_links: int = 5  # decision: more are a chain
+    match_side_px: int = 800  # decision: longer side for the overlap
+    max_features: int = 1000  # decision
+    ratio: float = 0.8  # Lowe (2004), doi:10.1023/B:VISI.0000029664.99615.94
+    inlier_px: float = 1.5  # decision: distance to the epipolar line at match_side_px
+    min_matches: int = 20  # decision: an epipolar geometry takes 8 of any points
+    min_agreeing: float = 0.35  # decision: share of the matches that one motion explains
+    all_pairs_up_to: int = 60  # photos; decision
+    coarse_features: int = 200  # decision: the largest, to choose pairs among many photos
+    best_partners: int = 15  # decision: pairs kept of each of many photos
+    followers: int = 3  # decision: photos that follow in order are always matched
+
+
+@dataclass(frozen=True, slots=True)
 class ClusterConfig:
     """S.2: Algorithm 2 and the robust default."""
 

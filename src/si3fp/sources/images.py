@@ -6,6 +6,7 @@ two thirds of its memory (0.84 and 1.28 GiB at 16384 x 8192, see benchmarks/spee
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -30,8 +31,15 @@ NOT_SEEN_MARGIN_PX = 8
 
 _XMP_HEADER = b"http://ns.adobe.com/xap/1.0/\x00"
 _EXIF_IFD, _GPS_IFD, _DATE_TIME_ORIGINAL, _ORIENTATION = 0x8769, 0x8825, 0x9003, 0x0112
+_MAKE, _MODEL, _FOCAL_LENGTH, _FOCAL_LENGTH_35MM = 0x010F, 0x0110, 0x920A, 0xA405
 _END_OF_IMAGE = b"\xff\xd9"
 _BAND_PX = 512
+_JPEG_FLAGS = {
+    1: cv2.IMREAD_COLOR,
+    2: cv2.IMREAD_REDUCED_COLOR_2,
+    4: cv2.IMREAD_REDUCED_COLOR_4,
+    8: cv2.IMREAD_REDUCED_COLOR_8,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +60,11 @@ class ImageHeader:
         Position in the file behind the header.
     orientation
         EXIF orientation of a JPEG, 1 to 8; 1, upright as stored, where there is none.
+    camera
+        EXIF maker and model of a JPEG, or "".
+    focal_mm, focal_35mm
+        EXIF focal length of a JPEG, and the one of a 35 mm camera with the same angle of view;
+        None where it does not tell.
     """
 
     width_px: int
@@ -61,6 +74,9 @@ class ImageHeader:
     taken: str
     pixels_offset: int
     orientation: int = 1
+    camera: str = ""
+    focal_mm: float | None = None
+    focal_35mm: float | None = None
 
 
 def read_header(path: Path) -> ImageHeader:
@@ -97,15 +113,28 @@ def read_header(path: Path) -> ImageHeader:
 def _jpeg_header(image: JpegImageFile, pixels_offset: int) -> ImageHeader:
     packets = [data for _, data in image.applist if data.startswith(_XMP_HEADER)]
     exif = image.getexif()
+    details = exif.get_ifd(_EXIF_IFD)
     orientation = exif.get(_ORIENTATION, 1)
     return ImageHeader(
         *image.size,
         gpano=gpano_properties(b"".join(packets).decode("utf-8", errors="replace")),
         gps=dict(exif.get_ifd(_GPS_IFD)),
-        taken=str(exif.get_ifd(_EXIF_IFD).get(_DATE_TIME_ORIGINAL, "")).strip("\x00 "),
+        taken=str(details.get(_DATE_TIME_ORIGINAL, "")).strip("\x00 "),
         pixels_offset=pixels_offset,
         orientation=orientation if orientation in range(1, 9) else 1,
+        camera=" ".join(str(exif.get(tag, "")).strip("\x00 ") for tag in (_MAKE, _MODEL)).strip(),
+        focal_mm=_length(details.get(_FOCAL_LENGTH)),
+        focal_35mm=_length(details.get(_FOCAL_LENGTH_35MM)),
     )
+
+
+def _length(value: Any) -> float | None:
+    """A positive EXIF number; None where the camera wrote none, 0 for unknown, or nonsense."""
+    try:
+        length = float(value)
+    except (TypeError, ValueError, ZeroDivisionError):
+        return None
+    return length if 0 < length < math.inf else None
 
 
 def frame_of(header: ImageHeader, path: Path, max_pixels: int) -> PanoramaFrame:
@@ -125,7 +154,7 @@ def frame_of(header: ImageHeader, path: Path, max_pixels: int) -> PanoramaFrame:
     return frame
 
 
-def load_picture(path: Path, max_pixels: int) -> Image:
+def load_picture(path: Path, max_pixels: int, least_side_px: int | None = None) -> Image:
     """RGB pixels (H, W, 3) uint8 of a picture as viewers show it: its EXIF orientation is applied.
 
     Grey, 16 bit and palette images become 8 bit RGB, transparent pixels black.
@@ -136,6 +165,9 @@ def load_picture(path: Path, max_pixels: int) -> Image:
         JPEG or PNG.
     max_pixels
         Limit on W x H, checked before anything is decoded.
+    least_side_px
+        Decode a JPEG at a half, a quarter or an eighth while the longer side has this many pixels
+        left; much faster. In full where left out.
 
     Raises
     ------
@@ -148,7 +180,11 @@ def load_picture(path: Path, max_pixels: int) -> Image:
             f"{path}: a picture of {header.width_px} x {header.height_px} px is beyond the limit "
             f"of {max_pixels:,} pixels. Scale it down or cut it."
         )
-    pixels = _decode(path, header)
+    longer_px = max(header.width_px, header.height_px)
+    divisor = 1
+    while least_side_px and divisor < 8 and longer_px >= 2 * divisor * least_side_px:
+        divisor *= 2
+    pixels = _decode(path, header, divisor)
     if header.orientation >= 5:  # 5 to 8: rows and columns are exchanged
         pixels = pixels.transpose(1, 0, 2)
     if header.orientation in (3, 4, 7, 8):
@@ -207,7 +243,7 @@ def seen_pixels(image: Image) -> NDArray[np.bool_]:
     return np.equal(level, 0, out=seen)
 
 
-def _decode(path: Path, header: ImageHeader) -> Image:
+def _decode(path: Path, header: ImageHeader, divisor: int = 1) -> Image:
     """RGB pixels as stored; decoders fill what is missing with grey, so that is checked first."""
     damaged = InputError(
         f"{path}: the image is truncated or damaged and cannot be decoded. "
@@ -226,12 +262,16 @@ def _decode(path: Path, header: ImageHeader) -> Image:
         raise damaged from error
     encoded = np.frombuffer(content, np.uint8)
     # The pixels as stored: orientation is for the caller. Only PNG can be transparent.
-    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION if is_jpeg else cv2.IMREAD_UNCHANGED
+    size = (header.height_px, header.width_px)
+    flags = cv2.IMREAD_UNCHANGED
+    if is_jpeg:
+        flags = _JPEG_FLAGS[divisor] | cv2.IMREAD_IGNORE_ORIENTATION
+        size = (-(-size[0] // divisor), -(-size[1] // divisor))
     try:
         pixels = cv2.imdecode(encoded, flags)
     except cv2.error as error:
         raise damaged from error
-    if pixels is None or pixels.shape[:2] != (header.height_px, header.width_px):
+    if pixels is None or pixels.shape[:2] != size:
         raise damaged
     return _rgb8(pixels)
 

@@ -4,6 +4,7 @@ Algorithms live in the modules below; here stands what is read, kept and written
 facade's failure becomes a `Missing` row.
 """
 
+from si3fp.steps.capture import CaptureCheck, check_photos
 from si3fp.steps.evaluation import ModelEvaluation, evaluate_model
 from si3fp.steps.facades import find_facade
 from si3fp.steps.inputs import Circle, StreetInputs, claim, collect, run_key
@@ -12,12 +13,14 @@ from si3fp.steps.pictures import Picture, detect_pictures, picture_files
 from si3fp.steps.rectified import Progress, make_views, plan, write_cloud
 
 __all__ = [
+    "CaptureCheck",
     "Circle",
     "ModelEvaluation",
     "Picture",
     "Progress",
     "StreetInputs",
     "build_models",
+    "check_photos",
     "claim",
     "collect",
     "detect_pictures",

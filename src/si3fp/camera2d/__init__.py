@@ -1,0 +1,1 @@
+"""The Camera2D path: photos taken around a building."""
