@@ -15,6 +15,7 @@ import pytest
 from PIL import Image as PillowImage
 
 import si3fp
+from si3fp.camera2d.placement import place_on_footprints
 from si3fp.config import ClusterConfig, MeasureConfig, OrthoConfig, ThermalConfig
 from si3fp.errors import InputError
 from si3fp.evaluate import evaluate, facades_from_hbjson
@@ -25,10 +26,13 @@ from si3fp.geometry.equirect import (
     world_from_pano_rotation,
 )
 from si3fp.geometry.facade_grid import FacadeGrid
+from si3fp.geometry.pinhole import Pinhole
 from si3fp.geometry.planes import Planes
 from si3fp.geometry.rigid import Rigid3
+from si3fp.geometry.similarity import Similarity3
 from si3fp.model import Building, Detections, Facade, Footprint, OrthoImage, Panorama, Window
 from si3fp.ortho import rectify
+from si3fp.sources.colmap_text import read_colmap_text
 from si3fp.sources.footprints import FootprintRecord, footprints_in_world
 from si3fp.sources.images import seen_pixels
 from si3fp.sources.local import PanoramaRecord, panoramas_in_world
@@ -220,6 +224,34 @@ def test_f10_cameras_and_ground_share_a_datum():
     assert panorama.centre_in_world[2] - footprint.ground_m == pytest.approx(2.0, abs=0.02)
 
 
+def test_f11_cam_is_right_down_forward():
+    camera = Pinhole(100.0, 100.0, 320.0, 240.0, 640, 480)
+    close(camera.project([0.0, 0.0, 5.0]), [320.0, 240.0])  # forward: the principal point
+    close(camera.project([1.0, 0.0, 5.0]), [340.0, 240.0])  # right in the picture
+    close(camera.project([0.0, 1.0, 5.0]), [320.0, 260.0])  # low in the picture
+    assert np.isnan(camera.project([[0.0, 0.0, -5.0], [1.0, 1.0, 0.0]])).all()
+
+
+def test_f12_a_similarity_scales_then_moves():
+    quarter_turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    b_from_a = Similarity3(2.0, quarter_turn, np.array([10.0, 0.0, 0.0]))
+    close(b_from_a.apply([1.0, 0.0, 3.0]), [10.0, 2.0, 6.0])
+    cam_from_b = b_from_a.cam_from_b(Rigid3(np.eye(3), np.zeros(3)))
+    close(cam_from_b.inverse().translation, [10.0, 0.0, 0.0])  # the origin of a, where it stood
+    close(cam_from_b.apply([10.0, 2.0, 6.0]), [2.0, 0.0, 6.0])
+    camera = Pinhole(100.0, 100.0, 320.0, 240.0, 640, 480)
+    close(camera.project([2.0, 0.0, 6.0]), camera.project([1.0, 0.0, 3.0]))
+
+
+def test_f13_colmap_poses_are_cam_from_world(tmp_path):
+    (tmp_path / "cameras.txt").write_text("1 SIMPLE_PINHOLE 640 480 100 320 240\n")
+    # 60 degrees about x, w first: y (down) turns towards z (forward).
+    (tmp_path / "images.txt").write_text("1 0.8660254038 0.5 0 0 1 2 3 1 a.jpg\n\n")
+    (photo,) = read_colmap_text(tmp_path).photos
+    expected = [1.0, 2.0 + HALF, 3.0 + ROOT3_HALF]
+    close(photo.cam_from_world.apply([0.0, 1.0, 0.0]), expected, 1e-9)
+
+
 # Pixels
 
 
@@ -295,6 +327,22 @@ def test_p8_black_at_the_border_was_not_seen():
     assert seen[42, 55]
 
 
+def test_p9_pinhole_pixels_count_from_the_corner():
+    camera = Pinhole(1000.0, 900.0, 320.0, 240.0, 640, 480)
+    close(camera.project([0.2, -0.1, 2.0]), [420.0, 195.0])
+    # Pixels of a camera that looks straight at a 640 x 480 m sheet, 1 m to a pixel: its upper left
+    # square metre has its centre half a metre from both edges.
+    sheet = Pinhole(100.0, 100.0, 320.0, 240.0, 640, 480)
+    close(sheet.project([-320.0, -240.0, 100.0]), [0.0, 0.0])
+    close(sheet.project([-319.5, -239.5, 100.0]), [0.5, 0.5])
+
+
+def test_p10_pinhole_rays_have_unit_depth():
+    camera = Pinhole(1000.0, 900.0, 320.0, 240.0, 640, 480)
+    close(camera.unproject([420.0, 195.0]), [0.1, -0.05, 1.0])
+    close(2.0 * camera.unproject([420.0, 195.0]), [0.2, -0.1, 2.0])
+
+
 # Angles
 
 
@@ -344,6 +392,18 @@ def test_a6_angles_are_named_in_degrees():
             verb = path.name == "cli.py"
             wrong += [f"{path.name}: {name}" for name in names if angle.search(name) and not verb]
     assert wrong == []
+
+
+def test_a7_the_heading_of_a_placement_is_that_of_its_y_axis():
+    corners = np.array([[0.0, 0.0], [9.0, 0.0], [9.0, 3.0], [4.0, 3.0], [4.0, 6.0], [0.0, 6.0]])
+    edges = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+    along = edges[:, 1] - edges[:, 0]
+    outward = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    # On the map the building is turned clockwise by 90 degrees: y of the walls points east.
+    turned = np.stack([edges[..., 1], -edges[..., 0]], axis=-1)
+    placement = place_on_footprints(edges, outward, turned)
+    close(placement.heading_deg, 90.0, 1e-6)
+    close(placement.world_from_level.rotate([0.0, 1.0, 0.0]), [1.0, 0.0, 0.0], 1e-6)
 
 
 # Planes

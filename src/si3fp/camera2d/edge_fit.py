@@ -78,24 +78,25 @@ def _right_of(directions: FloatArray) -> FloatArray:
     return np.stack([directions[..., 1], -directions[..., 0]], axis=-1)
 
 
-def rotations(angles: FloatArray) -> FloatArray:
-    """Counter-clockwise rotations (..., 2, 2) by angles in radians."""
-    cos, sin = np.cos(angles), np.sin(angles)
+def rotations(turns_deg: ArrayLike) -> FloatArray:
+    """Counter-clockwise rotations (..., 2, 2)."""
+    turns = np.deg2rad(np.asarray(turns_deg, dtype=np.float64))
+    cos, sin = np.cos(turns), np.sin(turns)
     return np.stack([np.stack([cos, -sin], axis=-1), np.stack([sin, cos], axis=-1)], axis=-2)
 
 
 def proposals(walls: Segments, edges: Segments) -> tuple[FloatArray, FloatArray]:
-    """Angles (K,) in radians and offsets (K, 2) that lay a wall on an edge."""
-    angles: list[float] = []
+    """Turns (K,) in degrees and offsets (K, 2) in metres that lay a wall on an edge."""
+    turns_deg: list[float] = []
     offsets: list[FloatArray] = []
     seeds: list[int] = np.argsort(-walls.length, kind="stable")[:_SEED_WALLS].tolist()
-    wall_angle = np.arctan2(walls.along[:, 1], walls.along[:, 0])
-    edge_angle = np.arctan2(edges.along[:, 1], edges.along[:, 0])
+    wall_deg = np.rad2deg(np.arctan2(walls.along[:, 1], walls.along[:, 0]))
+    edge_deg = np.rad2deg(np.arctan2(edges.along[:, 1], edges.along[:, 0]))
     line = np.sum(edges.ends.mean(axis=1) * edges.outward, axis=1)  # outward . x of each edge
     for w in seeds:
         for e in range(len(edges.length)):
-            angle = float(edge_angle[e] - wall_angle[w])
-            turn = rotations(np.asarray(angle))
+            turn_deg = float(edge_deg[e] - wall_deg[w])
+            turn = rotations(turn_deg)
             turned, outward = walls.ends @ turn.T, walls.outward @ turn.T
             found = [edges.ends[e, end] - turned[w, end] for end in (0, 1)]
             for other in seeds:
@@ -106,16 +107,16 @@ def proposals(walls: Segments, edges: Segments) -> tuple[FloatArray, FloatArray]
                     middles = turned[[w, other]].mean(axis=1)
                     gaps = line[[e, f]] - np.sum(lines * middles, axis=1)
                     found.append(np.linalg.solve(lines, gaps))
-            angles += [angle] * len(found)
+            turns_deg += [turn_deg] * len(found)
             offsets += found
-    return np.array(angles), np.array(offsets)
+    return np.array(turns_deg), np.array(offsets)
 
 
 def scored(
-    walls: Segments, edges: Segments, angles: FloatArray, offsets: FloatArray, sigma_m: float
+    walls: Segments, edges: Segments, turns_deg: FloatArray, offsets: FloatArray, sigma_m: float
 ) -> tuple[FloatArray, NDArray[np.int_]]:
     """Scores (K,) of placements and the best edge (K, W) of each wall, -1 where none fits."""
-    turn = rotations(angles)
+    turn = rotations(turns_deg)
     ends = np.einsum("kij,wpj->kwpi", turn, walls.ends) + offsets[:, None, None]
     outward = np.einsum("kij,wj->kwi", turn, walls.outward)
     across = np.einsum("kwpi,ei->kwep", ends, edges.outward)

@@ -23,7 +23,6 @@ WALL_SIGMA_M = 0.3  # of a wall against the map: eaves, plinths, digitising
 _MAX_HYPOTHESES = 40
 _MIN_SCORE = 0.6
 _CLEAR_LEAD = 0.1  # in score
-_MAX_SIGMA_M = 1.0
 _LISTED = 8
 _SAME_PLACE_M = 1.0
 _BATCH = 500
@@ -90,16 +89,14 @@ def place_on_footprints(
     InputError
         If shapes are wrong, a value is not finite, or a wall has no length or outside.
     ReconstructionError
-        If no placement fits, several fit about equally well (they are listed), or the walls leave
-        the position along them open.
+        If no placement fits, or several fit about equally well: they are listed.
     """
     found = placement_hypotheses(walls_in_level, outward_in_level, edges_in_world, sigma_m)
-    if not found or found[0].score < _MIN_SCORE:
-        best = f"the best is {found[0]}" if found else "no wall looks like any edge"
+    if found[0].score < _MIN_SCORE:
         raise ReconstructionError(
-            f"The reconstructed walls do not fit the footprints: {best}. Check the scale and that "
-            "the footprints are of this building, or give photos with GPS or known cameras "
-            "(--cameras with --origin)."
+            f"The reconstructed walls do not fit the footprints: the best is {found[0]}. Check "
+            "the scale and that the footprints are of this building, or give photos with GPS or "
+            "known cameras (--cameras with --origin)."
         )
     equal = [one for one in found if one.score >= found[0].score - _CLEAR_LEAD]
     if len(equal) > 1:
@@ -109,12 +106,6 @@ def place_on_footprints(
             f"The walls fit the footprints in {len(equal)} ways: {listed}{more}. Photograph more "
             "sides of the building, or give photos with GPS or known cameras (--cameras with "
             "--origin)."
-        )
-    if not found[0].offset_sigma_m.max() <= _MAX_SIGMA_M:
-        raise ReconstructionError(
-            f"The position is uncertain by {found[0].offset_sigma_m.max():.1f} m: all walls are "
-            "parallel and none ends where an edge ends. Photograph a corner of the building, or "
-            "give photos with GPS or known cameras (--cameras with --origin)."
         )
     return found[0]
 
@@ -140,29 +131,29 @@ def placement_hypotheses(
         raise InputError(f"The standard deviation of a wall must be positive, got {sigma_m} m.")
     walls = directed(walls_in_level, outward_in_level, "wall")
     edges = directed(edges_in_world, None, "edge")
-    angles, offsets = proposals(walls, edges)
-    if not len(angles):
-        return ()
+    turns_deg, offsets = proposals(walls, edges)
     scores = np.concatenate(
         [
-            scored(walls, edges, angles[i : i + _BATCH], offsets[i : i + _BATCH], sigma_m)[0]
-            for i in range(0, len(angles), _BATCH)
+            scored(walls, edges, turns_deg[i : i + _BATCH], offsets[i : i + _BATCH], sigma_m)[0]
+            for i in range(0, len(turns_deg), _BATCH)
         ]
     )
     order = np.argsort(-scores, kind="stable")
-    seeds = _distinct(walls, angles[order], offsets[order])
-    refined = [_refined(walls, edges, angles[order[i]], offsets[order[i]], sigma_m) for i in seeds]
+    seeds = _distinct(walls, turns_deg[order], offsets[order])
+    refined = [
+        _refined(walls, edges, turns_deg[order[i]], offsets[order[i]], sigma_m) for i in seeds
+    ]
     refined.sort(key=lambda one: -one.score)
-    turns = np.array([-np.deg2rad(one.heading_deg) for one in refined])
+    turns_deg = np.array([-one.heading_deg for one in refined])
     shifts = np.stack([one.world_from_level.translation[:2] for one in refined])
-    return tuple(refined[i] for i in _distinct(walls, turns, shifts))
+    return tuple(refined[i] for i in _distinct(walls, turns_deg, shifts))
 
 
-def _distinct(walls: Segments, angles: FloatArray, offsets: FloatArray) -> list[int]:
+def _distinct(walls: Segments, turns_deg: FloatArray, offsets: FloatArray) -> list[int]:
     """Indices of placements that move some end of a wall by more than a metre, in their order."""
     kept: list[int] = []
     ends = walls.ends.reshape(-1, 2)
-    places = np.einsum("kij,nj->kni", rotations(angles), ends) + offsets[:, None]
+    places = np.einsum("kij,nj->kni", rotations(turns_deg), ends) + offsets[:, None]
     for i in range(len(places)):
         moved = np.linalg.norm(places[kept] - places[i], axis=2).max(axis=1)
         if not (moved < _SAME_PLACE_M).any():
@@ -173,30 +164,30 @@ def _distinct(walls: Segments, angles: FloatArray, offsets: FloatArray) -> list[
 
 
 def _refined(
-    walls: Segments, edges: Segments, angle: float, offset: FloatArray, sigma_m: float
+    walls: Segments, edges: Segments, turn_deg: float, offset: FloatArray, sigma_m: float
 ) -> Placement:
     """The placement after least squares on the walls that lie on an edge."""
     centre = walls.ends.reshape(-1, 2).mean(axis=0)
-    middle = rotations(np.asarray(angle)) @ centre + offset
-    _, assigned = scored(walls, edges, np.array([angle]), offset[None], sigma_m)
+    middle = rotations(turn_deg) @ centre + offset
+    _, assigned = scored(walls, edges, np.array([turn_deg]), offset[None], sigma_m)
     for _ in range(10):
-        turn = rotations(np.asarray(angle))
+        turn = rotations(turn_deg)
         rows, values = _equations(walls, edges, turn, middle, centre, assigned[0], sigma_m)
         normal_matrix = rows.T @ rows + 1e-9 * np.eye(3)
         step = np.linalg.solve(normal_matrix, -rows.T @ values)
-        angle, middle = angle + float(step[0]), middle + step[1:]
+        turn_deg, middle = turn_deg + float(np.rad2deg(step[0])), middle + step[1:]
         if np.abs(step).max() < 1e-9:
             break
-    turn = rotations(np.asarray(angle))
+    turn = rotations(turn_deg)
     offset = middle - turn @ centre
-    score, assigned = scored(walls, edges, np.array([angle]), offset[None], sigma_m)
+    score, assigned = scored(walls, edges, np.array([turn_deg]), offset[None], sigma_m)
     spread = max(1.0, float(values @ values) / max(len(values) - 3, 1))
     sigma = np.sqrt(spread * np.diag(np.linalg.inv(normal_matrix)))
     rotation = np.eye(3)
     rotation[:2, :2] = turn
     return Placement(
         Rigid3(rotation, np.array([*offset, 0.0])),
-        float(np.rad2deg(-angle)) % 360.0,
+        float(-turn_deg % 360.0),
         float(score[0]),
         tuple(assigned[0].tolist()),
         float(np.rad2deg(sigma[0])),
@@ -213,7 +204,7 @@ def _equations(
     assigned: NDArray[np.int_],
     sigma_m: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """Derivatives (N, 3) by angle and middle, and normalised distances (N,).
+    """Derivatives (N, 3) by angle and middle, and normalised distances (N,), the angle in radians.
 
     Both ends of a wall lie on its edge's line; an end near the edge's end lies at it.
     """
