@@ -162,4 +162,4 @@ def test_the_vertical_of_the_castle_is_the_published_one():
     gravity = find_gravity([photo.cam_from_world for photo in photos])
     z = gravity.up_in_reconstruction[2]
     error = np.rad2deg(np.arccos(min(z, 1.0)))
-    assert error < max(2.45 * gravity.sigma_deg, 1.0)
+    assert error < 1.0  # the rolls show that the published z itself leans by half a degree
