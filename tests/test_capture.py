@@ -180,7 +180,7 @@ def test_among_many_photos_the_pairs_that_overlap_are_candidates(wall):
 
 
 def fact(name, **changes):
-    good = PhotoFacts(name, name, 3000, 2000, "Maker M", 24.0, None, True, 0.5, 2400, 0.0, 0.0)
+    good = PhotoFacts(name, name, 3000, 2000, "Maker M", 24.0, None, True, 0.5, 0.0, 0.0)
     return replace(good, **changes)
 
 
@@ -189,15 +189,18 @@ def judged(facts, pairs=None):
     return judge(facts, links(*(everything if pairs is None else pairs)), {}, CaptureConfig())
 
 
-def test_blur_counts_against_photos_of_the_same_scale():
-    small = [fact(f"s{n}", width_px=1800, height_px=1200, work_side_px=1800, blur_px=2.0)
-             for n in range(3)]  # fmt: skip
-    large = [fact(f"t{n}") for n in range(3)]
-    by_name = {photo.name: photo for photo in judged([*small, *large]).photos}
-    assert not any("blurred" in " ".join(photo.reasons) for photo in by_name.values())
-    worse = judged([*large, fact("u", blur_px=2.0)])
+def test_blur_counts_against_photos_of_the_same_camera_and_size():
+    soft = [fact(f"s{n}", camera="Soft", blur_px=2.0) for n in range(3)]
+    sharp = [fact(f"t{n}") for n in range(3)]
+    assert {photo.rating for photo in judged([*soft, *sharp]).photos} == {"ok"}
+    worse = judged([*sharp, fact("u", blur_px=2.0)])
     assert [photo.name for photo in worse.photos if photo.rating == "retake"] == ["u"]
     assert worse.ready
+
+
+def test_sharpened_photos_are_no_measure_for_plain_ones():
+    sharpened = [fact(f"s{n}", blur_px=0.0) for n in range(5)]
+    assert {photo.rating for photo in judged([*sharpened, fact("t", blur_px=0.7)]).photos} == {"ok"}
 
 
 def test_one_photo_at_another_zoom_is_named_and_turned_ones_are_not():

@@ -25,6 +25,7 @@ class CaptureConfig:
 
     max_pixels: int = 16384 * 8192  # our decoding limit
     work_side_px: int = 2400  # decision: longer side for sharpness; the paper's stills have 4 MP
+    sharp_px: float = 0.4  # decision: blur of a sharp photo; in-camera sharpening makes it 0
     blurred_px: float = 0.8  # decision: above the sharp photos is blurred (at work_side_px)
     blurred_factor: float = 2.0  # decision: and this many times as much
     soft_px: float = 0.4  # decision: above the sharp photos: look at it

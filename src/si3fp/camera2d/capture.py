@@ -117,21 +117,22 @@ def judge(
     )
 
 
-def usual_blur_px(photo: PhotoFacts, photos: Sequence[PhotoFacts]) -> float:
-    """Blur of the sharper photos (lower quartile) that were measured at this one's scale.
+def usual_blur_px(photo: PhotoFacts, photos: Sequence[PhotoFacts], config: CaptureConfig) -> float:
+    """Blur of the sharper photos (lower quartile) of this one's camera, zoom and size.
 
-    Where fewer than three were, all photos count.
+    Where they are fewer than three, all photos count, for cameras sharpen differently. It is no
+    less than `CaptureConfig.sharp_px`: what is sharpened beyond that is no measure for others.
     """
-    alike = [other.blur_px for other in photos if other.work_side_px == photo.work_side_px]
-    return float(
-        np.quantile(alike if len(alike) >= 3 else [other.blur_px for other in photos], 0.25)
-    )
+    alike = [other.blur_px for other in photos if other.settings == photo.settings]
+    if len(alike) < 3:
+        alike = [other.blur_px for other in photos]
+    return max(float(np.quantile(alike, 0.25)), config.sharp_px)
 
 
 def _faults(photo: PhotoFacts, photos: Sequence[PhotoFacts], config: CaptureConfig) -> list[str]:
     """Why a photo cannot be used, by itself."""
     faults = []
-    usual = usual_blur_px(photo, photos)
+    usual = usual_blur_px(photo, photos, config)
     if photo.blur_px > max(usual + config.blurred_px, usual * config.blurred_factor):
         faults.append(
             f"it is blurred: its edges by {photo.blur_px:.1f} px, those of the sharp photos by "
@@ -163,7 +164,7 @@ def _doubts(
     wanted = min(config.min_neighbours, len(usable) - 1)
     for index in usable:
         photo, near = photos[index], neighbours[index]
-        usual = usual_blur_px(photo, photos)
+        usual = usual_blur_px(photo, photos, config)
         if photo.blur_px > usual + config.soft_px:
             doubts[index].append(
                 f"it is softer than the others: blurred by {photo.blur_px:.1f} px, the sharp "

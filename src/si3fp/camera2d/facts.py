@@ -27,9 +27,8 @@ class PhotoFacts:
     has_gps
         Whether EXIF tells the position.
     blur_px
-        Blur of the edges (`quality.blur_px`), measured at `work_side_px`.
-    work_side_px
-        Longer side of the photo as it was measured, in pixels.
+        Blur of the edges (`quality.blur_px`), measured at
+        `CaptureConfig.work_side_px` or the photo's own size where that is smaller.
     black, white
         Shares of black and white pixels (`quality.clipped_shares`).
     """
@@ -43,7 +42,6 @@ class PhotoFacts:
     focal_35mm: float | None
     has_gps: bool
     blur_px: float
-    work_side_px: int
     black: float
     white: float
 

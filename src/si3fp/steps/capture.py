@@ -110,7 +110,7 @@ def check_photos(
         try:
             fact, feature = _measured(file, config)
         except InputError as error:
-            unreadable[file.name] = str(error)
+            unreadable[file.name] = str(error).removeprefix(str(file)).lstrip(": ")
         else:
             facts.append(fact)
             features.append(feature)
@@ -192,7 +192,6 @@ def _measured(file: Path, config: CaptureConfig) -> tuple[PhotoFacts, Features]:
         focal_35mm=header.focal_35mm,
         has_gps=_GPS_LATITUDE in header.gps and _GPS_LONGITUDE in header.gps,
         blur_px=blur_px(grey),
-        work_side_px=max(grey.shape),
         black=black,
         white=white,
     )
