@@ -233,6 +233,13 @@ def test_where_photos_are_missing():
     assert "nothing that another photo shows" in verdict.photos[-1].reasons[0]
 
 
+def test_a_good_photo_that_repeats_a_blurred_one_is_ok():
+    facts = [fact("blurred", blur_px=3.0), *(fact(f"good {n}") for n in range(4))]
+    twins = [Overlap(a, b, 50, 0.9, 0.002 if a == 0 else 0.2) for b in range(5) for a in range(b)]
+    verdict = judge(facts, twins, {}, CaptureConfig())
+    assert [photo.rating for photo in verdict.photos] == ["retake", "ok", "ok", "ok", "ok"]
+
+
 def test_a_photo_to_retake_connects_nothing():
     facts = [fact("a"), fact("b"), fact("c", white=0.5), fact("d"), fact("e")]
     verdict = judged(facts, [(0, 1), (0, 2), (1, 2), (2, 3), (2, 4), (3, 4)])

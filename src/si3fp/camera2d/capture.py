@@ -97,7 +97,7 @@ def judge(
     groups = [group for group in components(len(photos), links) if not rejected.intersection(group)]
     weak = weak_links(len(photos), links)
     names = [photo.name for photo in photos]
-    doubts = _doubts(photos, overlaps, neighbours, usable, config)
+    doubts = _doubts(photos, links, neighbours, usable, config)
     verdicts = [PhotoVerdict(name, "retake", (reason,), ()) for name, reason in unreadable.items()]
     for index, name in enumerate(names):
         alone = len(usable) > 1 and index in usable and not neighbours[index]
@@ -154,7 +154,7 @@ def _faults(photo: PhotoFacts, photos: Sequence[PhotoFacts], config: CaptureConf
 
 def _doubts(
     photos: Sequence[PhotoFacts],
-    overlaps: Sequence[Overlap],
+    links: Sequence[Overlap],
     neighbours: Sequence[Sequence[int]],
     usable: Sequence[int],
     config: CaptureConfig,
@@ -185,7 +185,7 @@ def _doubts(
             )
     for index, reason in _odd_settings(photos, usable):
         doubts[index].append(reason)
-    for first, second, moved in _twins(photos, overlaps, config):
+    for first, second, moved in _twins(photos, links, usable, config):
         how = "the same file" if moved is None else f"the picture moved by {moved:.1%} of its width"
         doubts[second].append(
             f"it repeats {photos[first].name} ({how}): one is enough, a step aside would help more"
@@ -194,16 +194,19 @@ def _doubts(
 
 
 def _twins(
-    photos: Sequence[PhotoFacts], overlaps: Sequence[Overlap], config: CaptureConfig
+    photos: Sequence[PhotoFacts],
+    links: Sequence[Overlap],
+    usable: Sequence[int],
+    config: CaptureConfig,
 ) -> list[tuple[int, int, float | None]]:
     """The earlier photo, the one that repeats it, and how far it moved; each repeat once."""
     twins: dict[int, tuple[int, int, float | None]] = {}
     by_content: dict[str, int] = {}
-    for index, photo in enumerate(photos):
-        earlier = by_content.setdefault(photo.sha256, index)
+    for index in usable:
+        earlier = by_content.setdefault(photos[index].sha256, index)
         if earlier != index:
             twins[index] = (earlier, index, None)
-    for pair in overlaps:
+    for pair in links:
         if pair.moved < config.twin_moved and pair.share > config.twin_share:
             twins.setdefault(pair.second, (pair.first, pair.second, pair.moved))
     return list(twins.values())
