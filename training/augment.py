@@ -10,7 +10,6 @@ import numpy as np
 from training.data import IGNORE, NOMINAL_HEIGHT, Facade, bounds, median_height, warp_points
 
 _MIN_SIDE = 6.0
-_MOST_STRETCH = 2.2
 _MIN_FILL = {0: 0.72, 1: 0.55}
 
 
@@ -67,42 +66,18 @@ def warp_image(
     return warped
 
 
-def stretches(facade: Facade, matrix: np.ndarray) -> np.ndarray:
-    """(N,) how much more than usual a homography stretches the surroundings of each polygon.
-
-    The largest linear magnification at the polygon's middle over the median of all; infinite
-    behind the horizon.
-    """
-    steps = np.array([[0, 0], [1.0, 0], [0, 1.0]])
-    largest = np.full(len(facade.polygons), np.inf)
-    for k, polygon in enumerate(facade.polygons):
-        moved = warp_points(matrix, polygon.mean(axis=0) + steps)
-        if moved is not None:
-            largest[k] = np.linalg.svd(moved[1:] - moved[0], compute_uv=False)[0]
-    usual = np.median(largest[np.isfinite(largest)]) if np.isfinite(largest).any() else 1.0
-    return largest / usual
-
-
 def warp_boxes(
-    facade: Facade,
-    matrix: np.ndarray,
-    size: tuple[int, int],
-    upright: bool,
-    most_stretch: float = np.inf,
+    facade: Facade, matrix: np.ndarray, size: tuple[int, int], upright: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Boxes (N, 4) and labels (N,) of the polygons after the homography, clipped to the crop.
 
     A polygon with less than 40 % of its box inside, smaller than 6 px, or (``upright``: the crop
-    shows a rectified facade) far from filling its box becomes IGNORE, and so does one that is
-    stretched more than ``most_stretch`` times as much as the usual one: it is a blur.
+    shows a rectified facade) far from filling its box becomes IGNORE.
     """
     boxes, labels = [], []
-    blurred = np.zeros(len(facade.polygons), bool)
-    if np.isfinite(most_stretch):
-        blurred = stretches(facade, matrix) > most_stretch
     limit = np.array([size[0], size[1], size[0], size[1]], float)
-    for polygon, original, blur in zip(facade.polygons, facade.labels, blurred, strict=True):
-        label = IGNORE if blur else original
+    for polygon, original in zip(facade.polygons, facade.labels, strict=True):
+        label = original
         points = warp_points(matrix, polygon)
         if points is None:
             continue
@@ -134,7 +109,7 @@ def random_crop(facade: Facade, size: tuple[int, int], rng: np.random.Generator)
     matrix, upright = placed
     border = 0 if rng.random() < 0.7 else int(rng.integers(0, 256))
     image = warp_image(facade, matrix, size, border)
-    boxes, labels = warp_boxes(facade, matrix, size, upright, _MOST_STRETCH)
+    boxes, labels = warp_boxes(facade, matrix, size, upright)
     return Sample(image, boxes, labels)
 
 

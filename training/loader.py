@@ -13,8 +13,7 @@ from training.data import Facade
 from training.photometric import photometric
 from training.targets import encode
 
-_NEGATIVE = {"spb-facades": 0.4, "hslu-facades": 0.8}
-"""Weight of the background, where windows may be unlabelled: often in SPB, at times in HSLU."""
+_SPB_NEGATIVE = 0.4
 _LAYOUTS = {(1, 1): 0.45, (1, 2): 0.3, (2, 1): 0.15, (2, 2): 0.1}
 
 
@@ -57,7 +56,8 @@ class Crops(IterableDataset):
                 cells = np.s_[y // 4 : (y + part[1]) // 4, x // 4 : (x + part[0]) // 4]
                 for k in (0, 1):
                     active[k][cells] = float(k in facade.classes)
-                negative[cells] = _NEGATIVE.get(facade.source, 1.0)
+                if facade.source == "spb-facades":
+                    negative[cells] = _SPB_NEGATIVE
         sample = Sample(image, np.concatenate(boxes), np.concatenate(labels))
         targets = encode(sample.boxes, sample.labels, (size, size))
         targets |= {"active": active, "negative": negative}

@@ -246,7 +246,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """The options of a training run."""
     parser.add_argument("--data", help="data folder (default: SI3FP_TEST_DATA)")
     parser.add_argument("--out", type=Path, required=True, help="checkpoints and logs")
-    parser.add_argument("--minutes", type=float, default=106.0, help="wall-clock budget")
+    parser.add_argument("--minutes", type=float, default=78.0, help="wall-clock budget")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--backbone", default="lite0", help="scratch, lite0, lite1 or lite2")
     parser.add_argument("--resume", action="store_true", help="go on from the last checkpoint")
