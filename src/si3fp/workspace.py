@@ -254,3 +254,42 @@ def safe_name(name: str) -> str:
     if cleaned == name and len(cleaned) <= 100:
         return cleaned
     return f"{cleaned[:80]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+
+
+def claim_file(path: Path, schema: str, verb: str, overwrite: bool) -> None:
+    """Make sure that a file is free, or an earlier result of the same kind that may be replaced.
+
+    Parameters
+    ----------
+    path
+        Where a verb wants to write.
+    schema
+        Name of its schema, as in `stamp`.
+    verb
+        Its name, for the message.
+    overwrite
+        Whether an earlier result may be replaced; nothing else ever is.
+
+    Raises
+    ------
+    InputError
+        If something is there that must stay.
+    """
+    if not path.exists():
+        return
+    if path.is_dir():
+        raise InputError(f"{path} is a folder; give a file for the result with -o.")
+    try:
+        ours = str(read_json(path)["schema"]).startswith(f"si3fp/{schema}/")
+    except (InputError, KeyError, TypeError):
+        ours = False
+    if not ours:
+        raise InputError(
+            f"{path} was not written by si3fp {verb} and is never replaced; give another file with "
+            "-o."
+        )
+    if not overwrite:
+        raise InputError(
+            f"{path} holds an earlier result. Give another file with -o, or replace it with "
+            "--overwrite."
+        )

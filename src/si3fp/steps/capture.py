@@ -18,7 +18,7 @@ from si3fp.errors import InputError
 from si3fp.sources.images import load_picture, read_header
 from si3fp.steps.pictures import picture_files
 from si3fp.steps.rectified import Progress
-from si3fp.workspace import dump_json, read_json, sha256_of, stamp, write_text
+from si3fp.workspace import claim_file, dump_json, sha256_of, stamp, write_text
 
 SCHEMA = "capture"
 _GPS_LATITUDE, _GPS_LONGITUDE = 2, 4
@@ -100,7 +100,7 @@ def check_photos(
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder. Give the folder that holds the photos.")
     if out is not None:
-        _claim(out, overwrite)
+        claim_file(out, SCHEMA, "photos", overwrite)
     files = picture_files([folder])
     facts: list[PhotoFacts] = []
     features: list[Features] = []
@@ -196,23 +196,3 @@ def _measured(file: Path, config: CaptureConfig) -> tuple[PhotoFacts, Features]:
         white=white,
     )
     return fact, features_of(grey, config)
-
-
-def _claim(out: Path, overwrite: bool) -> None:
-    """Make sure that ``out`` is free, or an earlier result that may be replaced."""
-    if not out.exists():
-        return
-    try:
-        ours = str(read_json(out)["schema"]).startswith(f"si3fp/{SCHEMA}/")
-    except (InputError, KeyError, TypeError):
-        ours = False
-    if not ours:
-        raise InputError(
-            f"{out} was not written by si3fp photos and is never replaced; give another file with "
-            "-o."
-        )
-    if not overwrite:
-        raise InputError(
-            f"{out} holds an earlier result. Give another file with -o, or replace it with "
-            "--overwrite."
-        )

@@ -18,7 +18,7 @@ from si3fp.sources.images import load_picture
 from si3fp.steps.rectified import Progress
 from si3fp.windows.detect import OnnxDetector, WindowDetector
 from si3fp.windows.scale import estimate_m_per_px
-from si3fp.workspace import dump_json, read_json, sha256_of, stamp, write_text
+from si3fp.workspace import claim_file, dump_json, sha256_of, stamp, write_text
 
 IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".png"})
 SCHEMA = "pictures"
@@ -121,7 +121,7 @@ def detect_pictures(
     SourceError
         If ``out`` cannot be written.
     """
-    _claim(out, overwrite)
+    claim_file(out, SCHEMA, "detect", overwrite)
     detector = OnnxDetector()
     pictures: list[Picture] = []
     failed: dict[Path, str] = {}
@@ -203,26 +203,3 @@ def _picture(
         )
     detections, scale = detect_on_picture(rgb, detector, m_per_px)
     return Picture(file, width_px, height_px, scale, m_per_px is None, detections)
-
-
-def _claim(out: Path, overwrite: bool) -> None:
-    """Make sure that ``out`` is free, or an earlier result that may be replaced."""
-    if not out.exists():
-        return
-    if out.is_dir():
-        raise InputError(f"{out} is a folder; give a file for the result with -o.")
-    try:
-        held = read_json(out)
-        ours = str(held["schema"]).startswith(f"si3fp/{SCHEMA}/")
-    except (InputError, KeyError, TypeError):
-        ours = False
-    if not ours:
-        raise InputError(
-            f"{out} was not written by si3fp detect and is never replaced; give another file with "
-            "-o."
-        )
-    if not overwrite:
-        raise InputError(
-            f"{out} holds an earlier result. Give another file with -o, or replace it with "
-            "--overwrite."
-        )
