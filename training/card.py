@@ -32,7 +32,8 @@ Finds windows and balcony fences in orthographic facade pictures at {m_per_px} m
   0.5 on the upright validation sets (so the F1 below is a little optimistic).
 * EfficientNet-Lite0, a feature pyramid to stride 4, two heads; {parameters:.2f} million parameters,
   {arithmetic}, ONNX opset {opset}. The float export differs from torch by at most {score_error:.1e}
-  in scores and {side_error:.1e} px in sides.
+  in scores and {side_error:.1e} px in sides. In float, the first row below has F1 {float_f1:.3f}, AP50
+  {float_ap50:.3f} and mean IoU {float_iou:.3f}.
 
 ## Data and licences
 
@@ -144,6 +145,9 @@ def write(weights: Path, log: Path) -> None:
         arithmetic=document["arithmetic"],
         score_error=document["largest_export_error"]["scores"],
         side_error=document["largest_export_error"]["distances"],
+        float_f1=document["metrics_float"]["upright/window"]["f1_50"],
+        float_ap50=document["metrics_float"]["upright/window"]["ap50"],
+        float_iou=document["metrics_float"]["upright/window"]["mean_iou"],
         table=_metrics(document["metrics"]),
         reliability=_reliability(document["reliability"]),
         coverage=_coverage(document["wwr_coverage"]),
