@@ -32,8 +32,8 @@ Finds windows and balcony fences in orthographic facade pictures at {m_per_px} m
   0.5 on the upright validation sets (so the F1 below is a little optimistic).
 * EfficientNet-Lite0, a feature pyramid to stride 4, two heads; {parameters:.2f} million parameters,
   {arithmetic}, ONNX opset {opset}. The float export differs from torch by at most {score_error:.1e}
-  in scores and {side_error:.1e} px in sides. In float, the first row below has F1 {float_f1:.3f}, AP50
-  {float_ap50:.3f} and mean IoU {float_iou:.3f}.
+  in scores and {side_error:.1e} px in sides. In float, the first row below has F1 {float_f1:.3f},
+  AP50 {float_ap50:.3f} and mean IoU {float_iou:.3f}.
 
 ## Data and licences
 
