@@ -7,7 +7,6 @@ on with ``--resume``.
 from __future__ import annotations
 
 import argparse
-import csv
 import math
 import time
 from collections.abc import Iterator
@@ -25,6 +24,7 @@ from si3fp.errors import Si3fpError
 from training.anchors import BACKGROUND, MULTIPLE_PX, NEITHER, anchors, detections, match
 from training.augment import Sample
 from training.data import M_PER_PX, Facade, data_folder, read_training
+from training.journal import append_row, save
 from training.recipes import RECIPES, Recipe, training_sample
 from training.retinanet import MEAN_RGB, RetinaNet, load_published
 
@@ -149,10 +149,8 @@ class Run:
             "elapsed_s": self.elapsed_s,
             "recipe": asdict(self.recipe),
         }
-        for name, content in ((_CHECKPOINT, state), (_WEIGHTS, state["model"])):
-            fresh = self.out / f"{name}.tmp"
-            torch.save(content, fresh)
-            fresh.replace(self.out / name)
+        save(self.out / _CHECKPOINT, state)
+        save(self.out / _WEIGHTS, state["model"])
 
     def advance(self, batch: dict[str, Tensor], progress: float) -> dict[str, float]:
         """One iteration; its losses."""
@@ -188,24 +186,15 @@ def train(run: Run, facades: list[Facade], minutes: float, save_minutes: float, 
         done = run.iteration >= recipe.iterations or run.elapsed_s >= minutes * 60
         if done or run.elapsed_s - noted > 20:
             mean = {name: round(float(np.mean([r[name] for r in rows])), 4) for name in rows[0]}
-            _append(run.out / _LOSSES, run, mean)
+            row = {"minutes": round(run.elapsed_s / 60, 2), "iteration": run.iteration, **mean}
+            append_row(run.out / _LOSSES, row)
+            print(row, flush=True)
             rows, noted = [], run.elapsed_s
         if done or run.elapsed_s - saved > save_minutes * 60:
             run.save()
             saved = run.elapsed_s
         if done:
             break
-
-
-def _append(path: Path, run: Run, mean: dict[str, float]) -> None:
-    row = {"minutes": round(run.elapsed_s / 60, 2), "iteration": run.iteration, **mean}
-    fresh = not path.exists()
-    with path.open("a", newline="") as stream:
-        writer = csv.DictWriter(stream, list(row), lineterminator="\n")
-        if fresh:
-            writer.writeheader()
-        writer.writerow(row)
-    print(row, flush=True)
 
 
 def load_trained(path: Path, recipe: Recipe) -> RetinaNet:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import csv
 import math
 import time
 from datetime import timedelta
@@ -16,6 +15,7 @@ import torch.distributed as dist
 
 from training.backbone import EfficientNetLite
 from training.data import data_folder, read_training, read_validation
+from training.journal import append_row, save
 from training.loader import batches
 from training.losses import centre_loss, side_loss, spread_loss
 from training.measure import Predict, all_views, evaluate
@@ -82,20 +82,6 @@ def average(mean: Detector, model: Detector, step: int) -> None:
                 value.copy_(theirs[name])
 
 
-def _append(path: Path, row: dict[str, float | str]) -> None:
-    fresh = not path.exists()
-    with path.open("a", newline="") as stream:
-        writer = csv.DictWriter(stream, list(row), lineterminator="\n")
-        if fresh:
-            writer.writeheader()
-        writer.writerow(row)
-
-
-def _save(path: Path, content: dict) -> None:
-    torch.save(content, path.with_suffix(".tmp"))
-    path.with_suffix(".tmp").replace(path)
-
-
 def share_gradients(model: Detector, elapsed: float) -> float:
     """Replace the gradients by their mean over the processes; return the first one's elapsed."""
     gradients = [p.grad for p in model.parameters() if p.grad is not None]
@@ -152,8 +138,8 @@ class Run:
             "step": self.step,
             "elapsed": self.elapsed,
         }
-        _save(self.out / _CHECKPOINT, state)
-        _save(self.out / _AVERAGE, self.mean.state_dict())
+        save(self.out / _CHECKPOINT, state)
+        save(self.out / _AVERAGE, self.mean.state_dict())
 
     def advance(
         self, batch: dict[str, torch.Tensor], budget: float, peak: float, start: float
@@ -194,7 +180,7 @@ class Diary:
         stamp = {"minutes": round(elapsed / 60, 2), "step": run.step}
         if done or elapsed - self.logged > 30:
             row = {name: round(value / self.count, 4) for name, value in self.sums.items()}
-            _append(run.out / _LOSSES, {**stamp, **row})
+            append_row(run.out / _LOSSES, {**stamp, **row})
             print(f"{elapsed / 60:.1f} min, step {run.step}, {row}", flush=True)
             self.sums, self.count, self.logged = {}, 0, elapsed
         if done or elapsed - self.saved > self.options.save_minutes * 60:
@@ -202,7 +188,7 @@ class Diary:
             self.saved = elapsed
         if done or elapsed - self.measured > self.options.measure_minutes * 60:
             for key, result in evaluate(predictor(run.mean), self.views).items():
-                _append(run.out / _METRICS, {**stamp, "set": key, **result})
+                append_row(run.out / _METRICS, {**stamp, "set": key, **result})
                 print(key, result, flush=True)
             self.measured = elapsed
 
