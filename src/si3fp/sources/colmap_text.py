@@ -13,12 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from si3fp.errors import InputError
 from si3fp.geometry.pinhole import Pinhole
 from si3fp.geometry.rigid import FloatArray, Rigid3
-from si3fp.model import Photo
+from si3fp.model import Photo, SparsePoints
 
 # Index of fx, fy, cx, cy and of k1, k2, p1, p2 (-1 = 0) in the parameters of a model.
 _MODELS = {
@@ -29,31 +28,6 @@ _MODELS = {
     "OPENCV": (8, (0, 1, 2, 3), (4, 5, 6, 7)),
 }
 _UNIT_TOLERANCE = 1e-3  # of a quaternion's length; files carry 6 digits or more
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SparsePoints:
-    """The points of a reconstruction.
-
-    Attributes
-    ----------
-    points_in_world
-        (P, 3) in the frame of the poses.
-    rgb
-        (P, 3) uint8.
-    error_px
-        (P,) mean reprojection error, -1 where unknown.
-    photo_ids
-        For each point the photos that saw it.
-    """
-
-    points_in_world: FloatArray
-    rgb: NDArray[np.uint8]
-    error_px: FloatArray
-    photo_ids: tuple[tuple[str, ...], ...]
-
-    def __len__(self) -> int:
-        return len(self.error_px)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

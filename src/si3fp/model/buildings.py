@@ -1,225 +1,19 @@
-"""The domain types: what the steps hand to one another. Frozen; shapes checked on creation."""
+"""Buildings, their facades and windows, and boxes found on pictures of them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from si3fp.errors import InputError
 from si3fp.geometry.enu import GeoOrigin
-from si3fp.geometry.facade_grid import FacadeGrid
-from si3fp.geometry.pinhole import Pinhole
-from si3fp.geometry.planes import Planes
 from si3fp.geometry.rigid import FloatArray, Rigid3
-
-__all__ = [
-    "Building",
-    "Detections",
-    "Facade",
-    "FacadeGrid",
-    "FacadeViews",
-    "Footprint",
-    "GeoOrigin",
-    "Image",
-    "KnownDistance",
-    "LoadImage",
-    "Missing",
-    "OrthoImage",
-    "Panorama",
-    "Photo",
-    "Pinhole",
-    "Planes",
-    "Rigid3",
-    "Window",
-]
-
-Image = NDArray[np.uint8]
-LoadImage = Callable[[str], Image]
-"""Reads the RGB image (H, W, 3) of a source id; source pixels are never stored in the types."""
+from si3fp.model.images import require
 
 WindowLabel = Literal["window", "balcony_door"]
 WindowOrigin = Literal["detected", "inferred", "reviewed"]
-
-
-def _require(condition: bool, message: str) -> None:
-    if not condition:
-        raise InputError(message)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Panorama:
-    """An equirectangular image with its pose and, where known, the planes that it sees.
-
-    Attributes
-    ----------
-    id
-        Identifier of the image.
-    captured
-        Capture date, ``YYYY-MM`` or ISO; empty where unknown.
-    pano_from_world
-        Pose; frame ``pano`` is x right, y down, z forward.
-    planes_in_pano
-        Planes, normals pointing from the camera into the wall; None without a plane map.
-    plane_index
-        (h, w) int32 index into the planes in image order, -1 = none; None without a plane map.
-    links
-        Ids of neighbouring panoramas.
-    """
-
-    id: str
-    captured: str
-    pano_from_world: Rigid3
-    planes_in_pano: Planes | None = None
-    plane_index: NDArray[np.int32] | None = None
-    links: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        _require(bool(self.id), "A panorama needs an id.")
-        _require(
-            (self.planes_in_pano is None) == (self.plane_index is None),
-            f"Panorama {self.id}: planes and plane index come together or not at all.",
-        )
-        if self.plane_index is not None and self.planes_in_pano is not None:
-            _require(self.plane_index.ndim == 2, f"Panorama {self.id}: the plane index is 2-D.")
-            top = int(self.plane_index.max(initial=-1))
-            _require(
-                top < len(self.planes_in_pano),
-                f"Panorama {self.id}: plane index {top} but {len(self.planes_in_pano)} planes.",
-            )
-
-    @property
-    def centre_in_world(self) -> FloatArray:
-        """Optical centre (3,) in metres."""
-        return self.pano_from_world.inverse().translation
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Photo:
-    """A photo with its pose.
-
-    Attributes
-    ----------
-    id
-        Name of the image.
-    camera
-        Its camera; the pixels of the photo are free of lens distortion.
-    cam_from_world
-        Pose; frame ``cam`` is x right, y down, z forward. Before the scale is known the world is
-        the frame of the reconstruction, in its units.
-    """
-
-    id: str
-    camera: Pinhole
-    cam_from_world: Rigid3
-
-    def __post_init__(self) -> None:
-        _require(bool(self.id), "A photo needs an id.")
-
-    @property
-    def centre_in_world(self) -> FloatArray:
-        """Optical centre (3,)."""
-        return self.cam_from_world.inverse().translation
-
-
-@dataclass(frozen=True, slots=True)
-class KnownDistance:
-    """A distance measured on site between two points, which gives a reconstruction its scale.
-
-    Attributes
-    ----------
-    start, end
-        Names of the points: ids of the photos taken from there, or of marked points.
-    distance_m
-        Length measured.
-    """
-
-    start: str
-    end: str
-    distance_m: float
-
-    def __post_init__(self) -> None:
-        _require(
-            bool(self.start) and bool(self.end) and self.start != self.end,
-            f"A known distance runs between two different points, got {self.start!r} and "
-            f"{self.end!r}.",
-        )
-        _require(
-            bool(np.isfinite(self.distance_m)) and self.distance_m > 0,
-            f"The distance from {self.start} to {self.end} is {self.distance_m} m; "
-            "give the length measured, a positive number of metres.",
-        )
-
-    def __str__(self) -> str:
-        return f"{self.start} - {self.end} ({self.distance_m:g} m)"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class OrthoImage:
-    """One source image on a facade grid.
-
-    Attributes
-    ----------
-    source
-        Id of the source image; ``fused`` for a blend.
-    rgb
-        (H, W, 3) uint8.
-    valid
-        (H, W) bool, False where the source did not see.
-    depth_m
-        (H, W) metres in front of the facade plane, towards the viewer, or None.
-    seen_by
-        (H, W) uint8 number of source images, or None.
-    """
-
-    source: str
-    rgb: Image
-    valid: NDArray[np.bool_]
-    depth_m: NDArray[np.float32] | None = None
-    seen_by: NDArray[np.uint8] | None = None
-
-    def __post_init__(self) -> None:
-        _require(
-            self.rgb.ndim == 3 and self.rgb.shape[2] == 3 and self.rgb.dtype == np.uint8,
-            f"Orthographic image {self.source}: rgb must be (H, W, 3) uint8, got {self.rgb.shape}.",
-        )
-        for name in ("valid", "depth_m", "seen_by"):
-            layer = getattr(self, name)
-            _require(
-                layer is None or layer.shape == self.rgb.shape[:2],
-                f"Orthographic image {self.source}: {name} and rgb differ in size.",
-            )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FacadeViews:
-    """What both paths hand to the merged steps: one facade, one grid, 1 or N views on it.
-
-    Attributes
-    ----------
-    facade_id
-        ``<building id>-<footprint edge index>``, without footprint ``wall-<n>``.
-    grid
-        The common grid.
-    views
-        Orthographic images of the grid's size.
-    """
-
-    facade_id: str
-    grid: FacadeGrid
-    views: tuple[OrthoImage, ...]
-
-    def __post_init__(self) -> None:
-        size = (self.grid.height_px, self.grid.width_px)
-        for view in self.views:
-            _require(
-                view.valid.shape == size,
-                f"Facade {self.facade_id}: view {view.source} is {view.valid.shape}, "
-                f"the grid {size}.",
-            )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -250,12 +44,12 @@ class Detections:
         object.__setattr__(self, "scores", np.asarray(self.scores, np.float64).reshape(-1))
         object.__setattr__(self, "labels", np.asarray(self.labels, np.str_).reshape(-1))
         object.__setattr__(self, "edge_sigma_px", sigma if len(sigma) else np.zeros_like(boxes))
-        _require(
+        require(
             len(self.boxes_px) == len(self.scores) == len(self.labels),
             f"Detections differ in length: {len(self.boxes_px)} boxes, {len(self.scores)} scores, "
             f"{len(self.labels)} labels.",
         )
-        _require(
+        require(
             self.edge_sigma_px.shape == self.boxes_px.shape,
             f"Detections differ in length: {len(self.boxes_px)} boxes, {len(self.edge_sigma_px)} "
             "standard deviations.",
@@ -313,7 +107,7 @@ class Window:
     evidence: str = ""
 
     def __post_init__(self) -> None:
-        _require(
+        require(
             bool(np.isfinite([self.x_m, self.y_m]).all())
             and self.width_m > 0
             and self.height_m > 0,
@@ -352,7 +146,7 @@ class Facade:
     wwr_interval: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        _require(
+        require(
             self.width_m > 0 and self.height_m > 0,
             f"Facade {self.id} has no area: {self.width_m} x {self.height_m} m.",
         )
@@ -414,14 +208,14 @@ class Footprint:
 
     def __post_init__(self) -> None:
         outline = np.asarray(self.outline_in_world, dtype=np.float64)
-        _require(
+        require(
             outline.ndim == 2 and outline.shape[1] == 2 and len(outline) >= 3,
             f"Footprint {self.id}: an outline needs at least 3 corners, got {outline.shape}.",
         )
-        _require(bool(np.isfinite(outline).all()), f"Footprint {self.id} contains NaN.")
+        require(bool(np.isfinite(outline).all()), f"Footprint {self.id} contains NaN.")
         x, y = outline[:, 0], outline[:, 1]
         area = 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
-        _require(area > 0, f"Footprint {self.id}: corners must run counter-clockwise, area {area}.")
+        require(area > 0, f"Footprint {self.id}: corners must run counter-clockwise, area {area}.")
         object.__setattr__(self, "outline_in_world", outline)
 
     def edges(self) -> list[tuple[FloatArray, FloatArray]]:
@@ -470,5 +264,5 @@ class Building:
     use: str | None = None
 
     def __post_init__(self) -> None:
-        _require(self.height_m > 0, f"Building {self.id}: height must be positive.")
-        _require(self.storeys >= 1, f"Building {self.id}: needs at least one storey.")
+        require(self.height_m > 0, f"Building {self.id}: height must be positive.")
+        require(self.storeys >= 1, f"Building {self.id}: needs at least one storey.")
