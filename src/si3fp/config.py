@@ -199,3 +199,22 @@ class StreetConfig:
     def as_dict(self) -> dict[str, Any]:
         """Nested plain values, as written into every JSON of a run."""
         return asdict(self)
+
+
+@dataclass(frozen=True, slots=True)
+class PhotoConfig:
+    """The Camera2D path."""
+
+    seed: int = 0
+    ortho: OrthoConfig = field(default_factory=OrthoConfig)
+    facade_box: FacadeBoxConfig = field(default_factory=FacadeBoxConfig)
+    fusion: FusionConfig = field(default_factory=FusionConfig)
+    measure: MeasureConfig = field(default_factory=MeasureConfig)
+    thermal: ThermalConfig = field(default_factory=ThermalConfig)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Nested plain values, as written into every JSON of a run."""
+        return asdict(self)
+
+
+RunConfig = StreetConfig | PhotoConfig

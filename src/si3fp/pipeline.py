@@ -21,7 +21,7 @@ from si3fp.workspace import Workspace
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StreetRun:
+class Run:
     """What a run ends with; everything is also in its folder.
 
     Attributes
@@ -29,7 +29,7 @@ class StreetRun:
     workspace
         The folder.
     origin
-        Origin of the world frame.
+        Origin of the world frame; None where place and north are unknown.
     buildings, loose_facades
         Buildings with their facades, and facades without a building.
     missing
@@ -37,7 +37,7 @@ class StreetRun:
     """
 
     workspace: Workspace
-    origin: GeoOrigin
+    origin: GeoOrigin | None
     buildings: tuple[Building, ...]
     loose_facades: tuple[Facade, ...]
     missing: tuple[Missing, ...]
@@ -58,7 +58,7 @@ def run_street(
     columns: Mapping[str, str] | None = None,
     overwrite: bool = False,
     progress: steps.Progress = lambda step, done, total: None,
-) -> StreetRun:
+) -> Run:
     """The StreetView path: steps S.1 to S.4, M.1 and M.2.
 
     Parameters
@@ -125,14 +125,15 @@ def run_street(
         "detector": {"name": detector.name, "sha256": detector.sha256},
         "config": config.as_dict(),
     }
-    steps.write_run(workspace, inputs, plans, clusters.unassigned, missing, rows, about)
+    seen = steps.street_record(inputs, plans, clusters.unassigned)
+    steps.write_run(workspace, inputs, missing, rows, about | seen)
     if not found:
         reasons = "; ".join(f"{row.facade_id}: {row.reason}" for row in missing[:5])
         raise ReconstructionError(
             f"No facade was found in {len(inputs.panoramas)} panoramas ({reasons or 'no walls'}). "
             f"{out}/run.json lists every wall; check the poses' datum and the footprints."
         )
-    return StreetRun(workspace, inputs.origin, tuple(buildings), tuple(loose), tuple(missing))
+    return Run(workspace, inputs.origin, tuple(buildings), tuple(loose), tuple(missing))
 
 
 @contextmanager

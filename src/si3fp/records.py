@@ -24,13 +24,15 @@ def rigid_record(pose: Rigid3) -> Record:
     return {"rotation": rounded(pose.rotation, 12), "translation": rounded(pose.translation)}
 
 
-def origin_record(origin: GeoOrigin) -> Record:
-    """Latitude, longitude and height."""
-    return asdict(origin)
+def origin_record(origin: GeoOrigin | None) -> Record | None:
+    """Latitude, longitude and height; None where the place is unknown."""
+    return None if origin is None else asdict(origin)
 
 
-def place_record(point_in_world: FloatArray, origin: GeoOrigin) -> Record:
-    """Latitude, longitude (1e-9 degrees) and height of a world point."""
+def place_record(point_in_world: FloatArray, origin: GeoOrigin | None) -> Record | None:
+    """Latitude, longitude (1e-9 degrees) and height of a world point; None without a place."""
+    if origin is None:
+        return None
     lat_deg, lon_deg, height_m = geodetic_from_world(point_in_world, origin)
     return {
         "lat_deg": round(float(lat_deg), 9),
@@ -39,7 +41,7 @@ def place_record(point_in_world: FloatArray, origin: GeoOrigin) -> Record:
     }
 
 
-def facade_record(facade: Facade, origin: GeoOrigin) -> Record:
+def facade_record(facade: Facade, origin: GeoOrigin | None) -> Record:
     """A facade without its windows: frame, size, window-to-wall ratio, centre on Earth."""
     interval = facade.wwr_interval
     return {

@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 from si3fp.geometry.enu import GeoOrigin, geodetic_from_world
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Building, Facade, Missing, Window
-from si3fp.pipeline import StreetRun
+from si3fp.pipeline import Run
 from si3fp.workspace import read_json
 
 Feature = dict[str, Any]
@@ -217,8 +217,10 @@ def _missing(missing: Missing, building: Building) -> Feature:
     )
 
 
-def write_map_layer(run: StreetRun) -> Path:
-    """Write ``RUN/windows.geojson``; its path."""
+def write_map_layer(run: Run) -> Path:
+    """Write ``RUN/windows.geojson``; its path. Not written where the run's place is unknown."""
+    if run.origin is None:
+        return run.workspace.windows_geojson
     layer = windows_geojson(run.buildings, run.origin, run.loose_facades)
     known = read_json(run.workspace.run_json)
     about = {"config": known["config"], "inputs": known["inputs"]}

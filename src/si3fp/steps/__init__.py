@@ -7,7 +7,7 @@ facade's failure becomes a `Missing` row.
 from si3fp.steps.capture import CaptureCheck, check_photos
 from si3fp.steps.evaluation import ModelEvaluation, evaluate_model
 from si3fp.steps.facades import find_facade
-from si3fp.steps.inputs import Circle, StreetInputs, claim, collect, run_key
+from si3fp.steps.inputs import Circle, StreetInputs, claim, collect, run_key, street_record
 from si3fp.steps.models import build_models, simulate_run, write_run
 from si3fp.steps.pictures import Picture, detect_pictures, picture_files
 from si3fp.steps.rectified import Progress, make_views, plan, write_cloud
@@ -31,6 +31,7 @@ __all__ = [
     "plan",
     "run_key",
     "simulate_run",
+    "street_record",
     "write_cloud",
     "write_run",
 ]

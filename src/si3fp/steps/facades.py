@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -12,28 +11,15 @@ import numpy as np
 from si3fp.config import StreetConfig
 from si3fp.errors import FacadeError, InputError
 from si3fp.model import Facade, Missing, OrthoImage
-from si3fp.records import (
-    detections_record,
-    facade_from_records,
-    facade_record,
-    rounded,
-    window_record,
-)
+from si3fp.records import facade_from_records, rounded
+from si3fp.steps.facade_files import place_of_view, plain, write_facade
 from si3fp.steps.inputs import StreetInputs
 from si3fp.streetview.align import Registration
 from si3fp.streetview.orthophoto import FacadeOrthophoto, align_views, crop_to_facade
 from si3fp.streetview.views import ViewPlan, enough_seen
 from si3fp.windows.detect import WindowDetector
-from si3fp.windows.parse import ParsedFacade, parse_facade
-from si3fp.workspace import (
-    Workspace,
-    read_json,
-    read_png,
-    safe_name,
-    write_png,
-)
-
-WELL_SEEN = 0.95
+from si3fp.windows.parse import parse_facade
+from si3fp.workspace import Workspace, read_json, read_png
 
 
 def find_facade(
@@ -76,7 +62,16 @@ def find_facade(
         except (FacadeError, InputError) as error:
             return Missing(name, step, str(error))
         with timed("write"):
-            _write_facade(plan, registrations, photo, parsed, inputs, workspace, config)
+            write_facade(
+                name,
+                photo,
+                parsed,
+                _about(plan, registrations, photo),
+                _used_inputs(plan, inputs),
+                inputs,
+                workspace,
+                config,
+            )
     return facade_from_records(
         read_json(workspace.facade(name, "facade.json")),
         read_json(workspace.facade(name, "windows.json")),
@@ -97,93 +92,29 @@ def _raw_view(plan: ViewPlan, panorama_id: str, workspace: Workspace) -> OrthoIm
     return OrthoImage(panorama_id, np.ascontiguousarray(pixels[..., :3]), pixels[..., 3] == 255)
 
 
-def _write_facade(
-    plan: ViewPlan,
-    registrations: Sequence[Registration],
-    photo: FacadeOrthophoto,
-    parsed: ParsedFacade,
-    inputs: StreetInputs,
-    workspace: Workspace,
-    config: StreetConfig,
-) -> None:
-    """The folder of one facade; ``facade.json`` comes last and says that it is complete."""
-    name, grid = plan.wall.facade_id, photo.views.grid
+def _about(
+    plan: ViewPlan, registrations: Sequence[Registration], photo: FacadeOrthophoto
+) -> dict[str, Any]:
+    return {
+        "building_id": plan.wall.building_id,
+        "edge": plan.wall.edge_index,
+        "views": [_view_record(registration, photo) for registration in registrations],
+        "plane": plain(plan.wall.fit),
+        "notes": plan.wall.notes,
+    }
+
+
+def _used_inputs(plan: ViewPlan, inputs: StreetInputs) -> set[str]:
+    """All input files but those of panoramas that the facade does not use."""
     others = {
         f"{panorama} {kind}"
         for panorama in inputs.records.keys() - set(plan.panorama_ids)
         for kind in ("image", "plane map")
     }
-    head = {
-        "config": config.as_dict(),
-        "inputs": {key: value for key, value in inputs.hashes.items() if key not in others},
-    }
-    for view in photo.views.views:
-        write_png(workspace.facade(name, f"views/{safe_name(view.source)}.png"), _rgba(view))
-    write_png(workspace.facade(name, "ortho.png"), _rgba(parsed.picture))
-    seen_by = photo.fused.seen_by
-    if seen_by is not None:
-        write_png(workspace.facade(name, "coverage.png"), seen_by)
-    detections = {
-        "m_per_px": grid.m_per_px,
-        "fused": detections_record(parsed.on_fused),
-        "views": {view: detections_record(found) for view, found in parsed.per_view.items()},
-    }
-    workspace.write_json(workspace.facade(name, "detections.json"), "detections", head | detections)
-    windows = {"facade_id": name, "windows": [window_record(w) for w in parsed.windows]}
-    workspace.write_json(workspace.facade(name, "windows.json"), "windows", head | windows)
-    facade = Facade(
-        name,
-        grid.world_from_facade,
-        grid.width_m,
-        grid.height_m,
-        parsed.windows,
-        parsed.wwr_interval,
-    )
-    about = {
-        "building_id": plan.wall.building_id,
-        "edge": plan.wall.edge_index,
-        "m_per_px": grid.m_per_px,
-        "grid_px": [grid.width_px, grid.height_px],
-        "views": [_view_record(registration, photo) for registration in registrations],
-        "coverage": {
-            "seen": round(float(photo.fused.valid.mean()), 4),
-            "seen_by_two": round(float((seen_by >= 2).mean()), 4) if seen_by is not None else None,
-        },
-        "box": _plain(photo.box),
-        "plane": _plain(plan.wall.fit),
-        "notes": [
-            *plan.wall.notes,
-            *photo.box.notes,
-            *_coverage_notes(photo),
-            _recess_note(parsed, config),
-        ],
-    }
-    record = head | facade_record(facade, inputs.origin) | about
-    workspace.write_json(workspace.facade(name, "facade.json"), "facade", record)
-
-
-def _rgba(view: OrthoImage) -> Any:
-    return np.dstack([view.rgb, view.valid.view(np.uint8) * np.uint8(255)])
-
-
-def _plain(value: Any) -> dict[str, Any]:
-    """Fields of a result dataclass, numbers rounded to 0.1 mm."""
-    return {
-        key: round(item, 4) if isinstance(item, float) else item
-        for key, item in asdict(value).items()
-    }
+    return inputs.hashes.keys() - others
 
 
 def _view_record(registration: Registration, photo: FacadeOrthophoto) -> dict[str, Any]:
-    camera = photo.cameras_in_facade.get(registration.source)
-    grid = photo.views.grid
-    place: dict[str, float] = {}
-    if camera is not None:
-        gap = camera - [grid.width_m / 2, grid.height_m / 2, 0.0]
-        place = {
-            "distance_m": round(float(np.linalg.norm(gap)), 2),
-            "obliqueness_deg": round(float(np.rad2deg(np.arctan2(np.hypot(*gap[:2]), gap[2]))), 1),
-        }
     return {
         "source": registration.source,
         "used": registration.used,
@@ -194,34 +125,9 @@ def _view_record(registration: Registration, photo: FacadeOrthophoto) -> dict[st
         "residual_after_px": _rounded_or_none(registration.residual_after_px),
         "shift_m": round(registration.shift_m, 4),
         "grid_from_view": rounded(registration.grid_from_view, 9),
-        **place,
+        **place_of_view(registration.source, photo),
     }
 
 
 def _rounded_or_none(value: float | None) -> float | None:
     return None if value is None else round(value, 3)
-
-
-def _coverage_notes(photo: FacadeOrthophoto) -> list[str]:
-    """Says so where a part of the facade was not seen: windows there cannot be found."""
-    seen = float(photo.fused.valid.mean())
-    if seen >= WELL_SEEN:
-        return []
-    return [f"only {seen:.0%} of the facade was seen: windows elsewhere are not in the ratio"]
-
-
-def _recess_note(parsed: ParsedFacade, config: StreetConfig) -> str:
-    """How deep the glass lies and how that is known."""
-    measured = [window.recess_m for window in parsed.windows if window.recess_m is not None]
-    switched_off = "" if config.measure.correct_recess else "; edges not corrected (switched off)"
-    assumed = (
-        f"assumed {config.measure.assumed_recess_m:g} +- {config.measure.recess_sigma_m:g} m "
-        "behind the wall"
-    )
-    if not measured:
-        return f"glass {assumed}{switched_off}"
-    rest = len(parsed.windows) - len(measured)
-    return (
-        f"glass {float(np.median(measured)):.2f} m behind the wall, measured by parallax at "
-        f"{len(measured)} windows" + (f"; {assumed} at {rest}" if rest else "") + switched_off
-    )

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from si3fp.config import StreetConfig
 from si3fp.errors import InputError
 from si3fp.geometry.enu import GeoOrigin
 from si3fp.model import Footprint, Panorama
+from si3fp.records import rounded
 from si3fp.sources.footprints import FootprintRecord, footprints_in_world, read_footprints
 from si3fp.sources.local import PanoramaRecord, panoramas_in_world, read_panorama_records
 from si3fp.sources.selection import run_origin, select_panoramas, within_radius
+from si3fp.streetview.assign import Unassigned
+from si3fp.streetview.views import ViewPlan
 from si3fp.thermal.archetypes import archetype
 from si3fp.workspace import (
     Workspace,
@@ -24,37 +28,47 @@ from si3fp.workspace import (
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class StreetInputs:
-    """What S.1 found.
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class RunInputs:
+    """What a run of either path rests on.
 
     Attributes
     ----------
     origin
-        Origin of the world frame.
+        Origin of the world frame; None where its place and north are unknown.
+    footprints
+        The buildings; empty without a map.
+    hashes
+        SHA-256 of every input file by name and kind.
+    notes
+        What the filters did.
+    """
+
+    origin: GeoOrigin | None
+    footprints: tuple[Footprint, ...]
+    hashes: Mapping[str, str]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class StreetInputs(RunInputs):
+    """What S.1 found; hashes are named ``<id> image`` and ``<id> plane map``.
+
+    Attributes
+    ----------
     panoramas
         The panoramas used, by id.
     records
         Their files, by id.
-    footprints
-        The buildings; empty without a map.
     by_building
         Ids of the panoramas to use for every building.
-    hashes
-        SHA-256 of every input file by name and kind, ``<id> image`` and ``<id> plane map``.
-    notes
-        What the filters did.
     columns
         Other spellings of the footprints' properties, under which they were read.
     """
 
-    origin: GeoOrigin
     panoramas: Mapping[str, Panorama]
     records: Mapping[str, PanoramaRecord]
-    footprints: tuple[Footprint, ...]
     by_building: Mapping[str, frozenset[str]]
-    hashes: Mapping[str, str]
-    notes: tuple[str, ...]
     columns: Mapping[str, str]
 
 
@@ -108,14 +122,14 @@ def collect(
         if record.plane_map:
             files[f"{record.id} plane map"] = record.plane_map
     return StreetInputs(
-        origin,
-        {panorama.id: panorama for panorama in panoramas_in_world(chosen, origin)},
-        {record.id: record for record in chosen},
-        buildings,
-        selection.by_building,
-        {name: sha256_of(file) for name, file in sorted(files.items())},
-        (*notes, *selection.notes),
-        dict(columns or {}),
+        origin=origin,
+        footprints=buildings,
+        hashes={name: sha256_of(file) for name, file in sorted(files.items())},
+        notes=(*notes, *selection.notes),
+        panoramas={panorama.id: panorama for panorama in panoramas_in_world(chosen, origin)},
+        records={record.id: record for record in chosen},
+        by_building=selection.by_building,
+        columns=dict(columns or {}),
     )
 
 
@@ -164,3 +178,30 @@ def run_key(
     return key_of(
         dict(inputs.hashes), dict(inputs.columns), config.as_dict(), detector_fingerprint, version
     )
+
+
+def street_record(
+    inputs: StreetInputs, plans: Sequence[ViewPlan], unassigned: Sequence[Unassigned]
+) -> dict[str, Any]:
+    """What ``run.json`` says of the panoramas and of planes that belong to no wall."""
+    used = {name for plan in plans for name in plan.panorama_ids}
+    return {
+        "panoramas": [
+            {
+                "id": panorama.id,
+                "captured": panorama.captured,
+                "position_in_world": rounded(panorama.centre_in_world, 3),
+                "used": panorama.id in used,
+            }
+            for panorama in inputs.panoramas.values()
+        ],
+        "unassigned": [
+            {
+                "panorama": plane.panorama_id,
+                "plane": plane.plane_index,
+                "nearest": plane.nearest,
+                "reason": plane.reason,
+            }
+            for plane in unassigned
+        ],
+    }

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from si3fp.config import StreetConfig
+from si3fp.config import RunConfig
 from si3fp.errors import InputError
 from si3fp.model import Building, Facade, Missing
 from si3fp.records import (
@@ -15,9 +15,7 @@ from si3fp.records import (
     origin_record,
     rounded,
 )
-from si3fp.steps.inputs import StreetInputs
-from si3fp.streetview.assign import Unassigned
-from si3fp.streetview.views import ViewPlan
+from si3fp.steps.inputs import RunInputs
 from si3fp.thermal.archetypes import Archetype, archetype
 from si3fp.thermal.assemble import assemble
 from si3fp.thermal.building import make_building
@@ -33,21 +31,23 @@ from si3fp.workspace import (
 
 
 def build_models(
-    inputs: StreetInputs,
+    inputs: RunInputs,
     found: Sequence[Facade],
     missing: Sequence[Missing],
     default_height_m: float,
     workspace: Workspace,
-    config: StreetConfig,
+    config: RunConfig,
 ) -> tuple[list[Building], list[Facade], list[dict[str, Any]]]:
     """M.2: ``model.hbjson``, ``buildings/*.hbjson``; buildings, loose facades, their records."""
     buildings, archetypes, rows = [], {}, []
     edges = {f"{f.id}-{i}": f.id for f in inputs.footprints for i in range(len(f.edges()))}
-    for footprint in inputs.footprints:
+    # Without a place and north there are no footprints in the world.
+    placed = [] if inputs.origin is None else [(one, inputs.origin) for one in inputs.footprints]
+    for footprint, origin in placed:
         mine = [facade for facade in found if edges.get(facade.id) == footprint.id]
         lost = [row for row in missing if edges.get(row.facade_id) == footprint.id]
         building, notes = make_building(
-            footprint, mine, lost, inputs.origin, default_height_m, config.thermal
+            footprint, mine, lost, origin, default_height_m, config.thermal
         )
         kind = archetype(config.thermal.country, building.year, config.thermal.default_year)
         buildings.append(building)
@@ -91,27 +91,17 @@ def _building_row(building: Building, kind: Archetype, notes: Sequence[str]) -> 
 
 def write_run(
     workspace: Workspace,
-    inputs: StreetInputs,
-    plans: Sequence[ViewPlan],
-    unassigned: Sequence[Unassigned],
+    inputs: RunInputs,
     missing: Sequence[Missing],
     buildings: Sequence[dict[str, Any]],
     about: Mapping[str, Any],
 ) -> None:
-    """``run.json``: the only file with times and dates."""
+    """``run.json``: the only file with times and dates; ``about`` is particular to the path."""
     payload = {
         **about,
         "inputs": dict(inputs.hashes),
         "origin": origin_record(inputs.origin),
-        "panoramas": [
-            {
-                "id": panorama.id,
-                "captured": panorama.captured,
-                "position_in_world": rounded(panorama.centre_in_world, 3),
-                "used": any(panorama.id in plan.panorama_ids for plan in plans),
-            }
-            for panorama in inputs.panoramas.values()
-        ],
+        "north_known": inputs.origin is not None,
         "footprints": [
             {
                 "id": footprint.id,
@@ -125,15 +115,6 @@ def write_run(
         ],
         "buildings": list(buildings),
         "missing": [missing_record(row) for row in missing],
-        "unassigned": [
-            {
-                "panorama": plane.panorama_id,
-                "plane": plane.plane_index,
-                "nearest": plane.nearest,
-                "reason": plane.reason,
-            }
-            for plane in unassigned
-        ],
         "notes": list(inputs.notes),
     }
     workspace.write_json(workspace.run_json, "run", payload)

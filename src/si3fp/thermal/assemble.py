@@ -7,7 +7,7 @@ the top one the sky, storeys touch each other.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -61,7 +61,8 @@ def assemble(
     loose_facades
         Facades without a building: they become faces without a room.
     origin
-        Origin of the world frame; needed only where there is no building.
+        Origin of the world frame; needed only where there is no building. None where place and
+        north are unknown: the model says so.
     neighbours
         Further buildings that may share walls with these, such as the rest of the street; those
         that are in `buildings` too are not counted twice.
@@ -69,10 +70,13 @@ def assemble(
     Raises
     ------
     ThermalModelError
-        If a footprint is not a polygon, ids clash, an archetype is missing or there is nothing.
+        If a footprint is not a polygon, ids clash, an archetype is missing, the buildings' origins
+        differ or there is nothing.
     """
     names = identifiers([b.id for b in buildings] + [f.id for f in loose_facades])
-    origins = {b.origin for b in buildings} | ({origin} if origin else set())
+    origins: set[GeoOrigin | None] = {b.origin for b in buildings}
+    if origin is not None or not buildings:
+        origins.add(origin)
     if not names or len(origins) != 1:
         raise ThermalModelError(
             f"A thermal model needs a building or facade and one origin; got {len(buildings)} "
@@ -122,11 +126,8 @@ def assemble(
         "properties": {"type": "ModelProperties", "energy": energy_properties(used)},
         "user_data": {
             "si3fp": {
-                "origin": {
-                    "lat_deg": frame.lat_deg,
-                    "lon_deg": frame.lon_deg,
-                    "height_m": frame.height_m,
-                },
+                "origin": None if frame is None else asdict(frame),
+                "north_known": frame is not None,
                 "buildings": [_summary(b, a) for b, a in zip(buildings, used, strict=True)],
                 "notes": list(notes),
             }
