@@ -8,28 +8,18 @@ are not ready, 130 interrupted.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
 
 import click
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TaskID,
-    TextColumn,
-    TimeElapsedColumn,
-)
 
 import si3fp
 from si3fp.config import StreetConfig
 from si3fp.demo import run_demo
 from si3fp.errors import Si3fpError
 from si3fp.pipeline import run_street
+from si3fp.report.console import progress_bars, progress_lines, summary
 from si3fp.report.evaluation_table import evaluation_table
 from si3fp.report.map_layer import write_map_layer
 from si3fp.report.picture_overlays import overlay_files, write_overlays
@@ -42,7 +32,6 @@ from si3fp.steps import (
     picture_files,
     simulate_run,
 )
-from si3fp.steps import Progress as Report
 from si3fp.workspace import Workspace, dump_json, read_json
 
 EXIT_PART_FAILED = 3
@@ -245,34 +234,6 @@ def info(run: Path, as_json: bool) -> None:
         click.echo(summary(run))
 
 
-def summary(run: Path) -> str:
-    """A few lines on what a run found and where to look."""
-    workspace = Workspace(run)
-    about = read_json(workspace.run_json)
-    lines = []
-    facades = workspace.facade_ids()
-    for name in facades:
-        facade = read_json(workspace.facade(name, "facade.json"))
-        windows = read_json(workspace.facade(name, "windows.json"))["windows"]
-        lines.append(
-            f"{name}: {facade['width_m']:.2f} x {facade['height_m']:.2f} m, "
-            f"{len(windows)} windows, WWR {facade['wwr']:.3f}"
-        )
-    for row in about["missing"]:
-        if row["step"] != "coverage":
-            lines.append(f"{row['facade_id']}: failed in {row['step']}: {row['reason']}")
-    unseen = sum(row["step"] == "coverage" for row in about["missing"])
-    if unseen:
-        lines.append(f"{unseen} facades not seen by any panorama")
-    for building in about["buildings"]:
-        if building["wwr"] is not None:
-            lines.append(
-                f"{building['id']}: {building['storeys']} storeys, WWR {building['wwr']:.3f}"
-            )
-    lines += [f"model: {workspace.model}", f"report: {workspace.report}"]
-    return "\n".join(lines)
-
-
 def _circle(lat: float | None, lon: float | None, radius_m: float | None) -> Circle | None:
     if lat is None and lon is None and radius_m is None:
         return None
@@ -289,34 +250,6 @@ def _columns(pairs: tuple[str, ...]) -> dict[str, str] | None:
             raise click.BadParameter(f"{pair!r} is not NAME=SPELLING", param_hint="--column")
         columns[name] = spelling
     return columns or None
-
-
-@contextmanager
-def progress_bars() -> Iterator[Report]:
-    """A function for `run_street` that draws one bar per step on stderr."""
-    bars = Progress(
-        TextColumn("{task.description:10}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        console=Console(stderr=True),
-    )
-    tasks: dict[str, TaskID] = {}
-    with bars:
-
-        def progress(step: str, done: int, total: int) -> None:
-            if step not in tasks:
-                tasks[step] = bars.add_task(step, total=total)
-            bars.update(tasks[step], completed=done, total=total)
-
-        yield progress
-
-
-@contextmanager
-def progress_lines() -> Iterator[Callable[[str], None]]:
-    """A function that shows the latest line of a long job on stderr."""
-    with Console(stderr=True).status("EnergyPlus") as status:
-        yield lambda line: status.update(f"EnergyPlus: {line}")
 
 
 def main() -> NoReturn:
