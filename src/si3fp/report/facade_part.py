@@ -90,9 +90,9 @@ def _facts(facade: Record) -> Markup:
             ("Resolution", number(facade.get("m_per_px"), 3, "m per pixel")),
             (
                 "Centre (WGS 84)",
-                joined(
-                    [place, tag("small", " at height ", number(centre.get("height_m"), 1, "m"))]
-                ),
+                joined([place, tag("small", " at height ", number(centre.get("height_m"), 1, "m"))])
+                if centre
+                else "not known",
             ),
         ]
     )
@@ -133,7 +133,7 @@ def _registration(facade: Record) -> Markup | None:
     reasons = Counter(str(view.get("reason") or "no reason given") for view in dropped)
     return tag(
         "div",
-        tag("h4", "Registration of the views"),
+        tag("h4", "Registration of the views" if moved else "Views"),
         tag("p", sentence),
         residual_lines(moved[:MAX_LINES]) if moved else None,
         tag("p", f"{counted(len(dropped), 'view')} dropped:") if dropped else None,

@@ -161,6 +161,12 @@ def _owner(facade_id: str, names: dict[str, None]) -> str:
     return owner if owner in names else ""
 
 
+def cameras_of(run: Record) -> tuple[str, list[Record]]:
+    """What the sources of a run are called, one of them, and their records."""
+    photos = records(run.get("photos"))
+    return ("photo", photos) if photos else ("panorama", records(run.get("panoramas")))
+
+
 def outline_of(footprint: Record) -> FloatArray | None:
     """The outline (V, 2) of a footprint record, or None."""
     outline = footprint.get("outline_in_world")

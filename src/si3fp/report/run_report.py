@@ -24,10 +24,12 @@ from si3fp.report.markup import (
     table,
     tag,
 )
+from si3fp.report.reconstruction_part import reconstruction_part
 from si3fp.report.records import (
     BuildingRecords,
     Record,
     RunRecords,
+    cameras_of,
     foot_of,
     origin_of,
     outline_of,
@@ -50,6 +52,7 @@ ATTRIBUTIONS = (
 STEP_WORDS = {
     "views": "failed at rectifying its views",
     "align": "failed at registering its views",
+    "render": "failed at rendering",
     "facade_box": "failed at finding its outline",
     "windows": "failed at finding its windows",
 }
@@ -74,6 +77,7 @@ def run_report(run: Path) -> str:
             tag("p", summary(known), class_="lead"),
             bullets(texts(known.run.get("notes")), class_="notes"),
             _plan(known),
+            reconstruction_part(record(known.run.get("reconstruction"))),
             _not_found(known),
             *(_building(known, building) for building in known.buildings),
             _about(known),
@@ -123,9 +127,7 @@ def _header(known: RunRecords, title: str) -> Markup:
 
 
 def _span(known: RunRecords) -> str:
-    dates = sorted(
-        {str(p["captured"]) for p in records(known.run.get("panoramas")) if p.get("captured")}
-    )
+    dates = sorted({str(p["captured"]) for p in cameras_of(known.run)[1] if p.get("captured")})
     if not dates:
         return ""
     return f"Imagery of {dates[0]}" + (f" to {dates[-1]}" if len(dates) > 1 else "")
@@ -167,7 +169,7 @@ def _plan(known: RunRecords) -> Markup | None:
         CameraPoint(
             str(camera.get("id", "")), np.asarray(position, float), bool(camera.get("used", True))
         )
-        for camera in records(known.run.get("panoramas"))
+        for camera in cameras_of(known.run)[1]
         if isinstance(position := camera.get("position_in_world"), list)
     ]
     drawing = plan(outlines, list(_walls(known)), cameras)
@@ -185,7 +187,8 @@ def _plan(known: RunRecords) -> Markup | None:
 
 def _not_found(known: RunRecords) -> Markup | None:
     unassigned = records(known.run.get("unassigned"))
-    if not known.missing and not unassigned:
+    left_out = texts(known.run.get("left_out"))
+    if not known.missing and not unassigned and not left_out:
         return None
     parts: list[Markup] = [tag("h2", "What is missing and why")]
     if known.missing:
@@ -203,6 +206,10 @@ def _not_found(known: RunRecords) -> Markup | None:
                 f"Walls seen that belong to no facade ({counted(len(unassigned), 'plane')})",
                 table(["Panorama", "Plane", "Reason"], rows, words=(0, 1, 2)),
             )
+        )
+    if left_out:
+        parts.append(
+            folded(f"Walls left out ({counted(len(left_out), 'plane')})", bullets(left_out))
         )
     return tag("section", *parts)
 
@@ -229,7 +236,7 @@ def _about(known: RunRecords) -> Markup:
     config = run.get("config") or next(
         (facade["config"] for facade in known.facades if facade.get("config")), None
     )
-    panoramas = records(run.get("panoramas"))
+    noun, cameras = cameras_of(run)
     return tag(
         "section",
         tag("h2", "About this report"),
@@ -237,10 +244,10 @@ def _about(known: RunRecords) -> Markup:
             "facade area, windows included. Positions are measured from the lower left corner of "
             "the facade seen from outside."),
         tag("p", "Command: ", tag("code", run["command"])) if run.get("command") else None,
-        folded(f"Panoramas ({len(panoramas)})", table(
-            ["Panorama", "Captured", "Used"],
-            [[p.get("id", ""), p.get("captured") or "", "yes" if _is_used(p) else "no"]
-             for p in panoramas], words=(0, 1, 2))) if panoramas else None,
+        folded(f"{noun.capitalize()}s ({len(cameras)})", table(
+            [noun.capitalize(), "Captured", "Used", "Note"],
+            [[p.get("id", ""), p.get("captured") or "", "yes" if _is_used(p) else "no",
+              p.get("reason") or ""] for p in cameras], words=(0, 1, 2, 3))) if cameras else None,
         folded("Input files", table(["File", "SHA-256"], [
             [name, tag("code", str(digest))] for name, digest in inputs.items()
         ], words=(0, 1))) if inputs else None,

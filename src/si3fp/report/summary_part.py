@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from si3fp.report.markup import Markup, counted, is_number, number, percent, percent_interval, tag
-from si3fp.report.records import RunRecords, records, status_of
+from si3fp.report.records import RunRecords, cameras_of, records, status_of
 from si3fp.report.totals import counts_by_label, wwr_of_building
 
 
@@ -46,14 +46,14 @@ def summary(known: RunRecords) -> str:
 
 
 def _sentences(known: RunRecords) -> Iterator[str]:
-    cameras = records(known.run.get("panoramas"))
+    noun, cameras = cameras_of(known.run)
     used = [camera for camera in cameras if camera.get("used", True)]
     dates = sorted(str(camera["captured"]) for camera in used if camera.get("captured"))
     found, missing = known.facades, known.missing
     if cameras:
         span = f" taken {_span(dates)}" if dates else ""
         part = "" if len(used) == len(cameras) else f" ({len(used)} of them used)"
-        yield f"The input was {counted(len(cameras), 'panorama')}{part}{span}."
+        yield f"The input was {counted(len(cameras), noun)}{part}{span}."
     if not found:
         yield "No facade could be reconstructed."
     else:
