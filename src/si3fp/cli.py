@@ -170,11 +170,18 @@ def detect(
 @verbs.command()
 @click.argument("run", type=a_path)
 @click.option("--epw", type=a_path, required=True, help="Weather file (EPW).")
-def simulate(run: Path, epw: Path) -> None:
+@click.option(
+    "--north",
+    "north_deg",
+    type=click.FloatRange(-360, 360),
+    metavar="DEG",
+    help="Compass bearing of the model's y axis, where the run does not know it.",
+)
+def simulate(run: Path, epw: Path, north_deg: float | None) -> None:
     """Simulate the heating demand of a run's model with EnergyPlus (extra `energy`)."""
     workspace = Workspace(run)
     with progress_lines() as say:
-        result = simulate_run(workspace, epw, say)
+        result = simulate_run(workspace, epw, say, north_deg)
     write_report(run)
     for building in result.buildings:
         click.echo(

@@ -20,10 +20,12 @@ from si3fp.thermal.archetypes import Archetype, archetype
 from si3fp.thermal.assemble import assemble
 from si3fp.thermal.building import make_building
 from si3fp.thermal.energyplus import SimulationResult, simulate
+from si3fp.thermal.orientation import north_is_known, turned
 from si3fp.windows.interval import joint_interval
 from si3fp.workspace import (
     Workspace,
     dump_json,
+    read_json,
     sha256_of,
     stamp,
     write_text,
@@ -121,17 +123,69 @@ def write_run(
 
 
 def simulate_run(
-    workspace: Workspace, epw: Path, say: Callable[[str], None] | None = None
+    workspace: Workspace,
+    epw: Path,
+    say: Callable[[str], None] | None = None,
+    north_deg: float | None = None,
 ) -> SimulationResult:
-    """EnergyPlus on the run's model; ``simulation/result.json`` with the heating demand."""
+    """EnergyPlus on the run's model; ``simulation/result.json`` with the heating demand.
+
+    Parameters
+    ----------
+    workspace
+        The run.
+    epw
+        Weather file.
+    say
+        Gets a line of text whenever there is news.
+    north_deg
+        Compass bearing of the model's y axis, where the run could not tell it.
+
+    Raises
+    ------
+    InputError
+        If there is no model, or north is neither known nor given, or both.
+    """
     if not workspace.model.exists():
         raise InputError(
             f"{workspace.root} holds no model.hbjson; run `si3fp street ... -o "
-            f"{workspace.root}` first."
+            f"{workspace.root}` or `si3fp photos ... -o {workspace.root}` first (a run without a "
+            "scale has none)."
         )
-    result = simulate(workspace.model, epw, workspace.simulation, progress=say)
+    model = workspace.model
+    if not north_is_known(_read_model(model)):
+        model = _towards_north(workspace, north_deg)
+    elif north_deg is not None:
+        raise InputError(f"{model} knows where north is; leave out --north.")
+    result = simulate(model, epw, workspace.simulation, progress=say)
     inputs = {"model": sha256_of(workspace.model), "weather": sha256_of(epw)}
     workspace.write_json(
-        workspace.simulation_result, "simulation", {"inputs": inputs, **result.as_dict()}
+        workspace.simulation_result,
+        "simulation",
+        {"inputs": inputs, "north_deg": north_deg, **result.as_dict()},
     )
     return result
+
+
+def _read_model(file: Path) -> dict[str, Any]:
+    content = read_json(file)
+    if not isinstance(content, dict):
+        raise InputError(f"{file} is not a honeybee model.")
+    return content
+
+
+def _towards_north(workspace: Workspace, north_deg: float | None) -> Path:
+    hbjson = _read_model(workspace.model)
+    if north_deg is None:
+        rooms = (
+            ""
+            if hbjson.get("rooms")
+            else (" Its walls also enclose no rooms to heat: a run with footprints has both.")
+        )
+        raise InputError(
+            f"{workspace.model} does not know where north is: give --north DEG, the compass "
+            f"bearing of its y axis, clockwise from north.{rooms}"
+        )
+    file = workspace.simulation / "model.hbjson"
+    write_text(file, dump_json(turned(hbjson, north_deg)))
+    return file
