@@ -133,6 +133,51 @@ class FacadeBoxConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class PlaneConfig:
+    """C.2: facades from the sparse points."""
+
+    min_views: int = 3  # photos that saw a point; decision: the third checks the other two
+    max_error_px: float = 1.5  # decision: residual of a point; usual is 0.3 to 0.8
+    min_angle_deg: float = 2.0  # decision: width of its bundle of rays
+    inlier_m: float = 0.1  # decision: point to plane; noise is 0.02 to 0.05, walls lean 0.5 degrees
+    cell_m: float = 0.5  # decision: support is counted in cells, not in points
+    seed_rows: int = 4  # decision: cells above one another that make a place a wall
+    seed_radius_m: float = 4.0  # decision: neighbourhood that proposes a line
+    seed_step_deg: float = 2.0  # decision
+    gap_m: float = 4.0  # decision: plain plaster may have no points for so long
+    parallel_deg: float = 10.0  # decision: walls that hide one another rather than meet
+    step_m: float = 4.0  # decision: deepest bay or set-back of one wall
+    min_rows: float = 1.5  # decision: rows of cells below which a place counts as empty
+    change_rows: float = 12.0  # decision: rows of cells that pay for a change of plane
+    min_points: int = 40  # decision: on a facade
+    min_photos: int = 3  # decision: that look at a facade
+    min_width_m: float = 2.5  # decision: smaller walls are returns, piers and chimneys
+    min_height_m: float = 2.0  # decision
+    max_bottom_m: float = 4.5  # decision: what starts higher above the ground hides behind another
+    max_distance_m: float = 60.0  # decision: windows are too coarse on farther walls
+    corner_m: float = 1.0  # decision: walls that end so near their intersection meet there
+    regular_deg: float = 2.0  # decision: turns from a right angle that count as errors
+    regular_sigma_deg: float = 0.5  # decision: of right angles as built
+    edge_angle_deg: float = 10.0  # decision: plane to footprint edge
+    edge_offset_m: float = 1.5  # decision: plane to footprint edge
+    camera_height_m: float = 1.6  # decision: of a camera held at the eye
+
+
+@dataclass(frozen=True, slots=True)
+class MosaicConfig:
+    """C.3, photos blended on the facade's plane; visibility also serves the radiance field."""
+
+    max_views: int = 20  # decision
+    max_obliqueness_deg: float = 72.0  # decision: viewing angle to the facade normal
+    min_seen: float = 0.02  # decision: share of the facade that a photo must show
+    min_photos: int = 2  # decision: what fewer photos see is masked
+    clearance_m: float = 0.5  # decision: what stands so near before the wall belongs to it
+    balcony_m: float = 2.0  # decision: what stands farther before the wall is no part of it
+    point_reach_m: float = 0.4  # decision: around its place on the wall, standard deviation
+    min_points: float = 1.5  # decision: a single point may be a wrong match
+
+
+@dataclass(frozen=True, slots=True)
 class FusionConfig:
     """M.1: Algorithm 6."""
 
