@@ -54,6 +54,22 @@ class CaptureConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class SfmConfig:
+    """C.2: structure from motion."""
+
+    mapper: str = "incremental"  # or "global": faster on hundreds of photos, less robust
+    max_side_px: int = 2400  # decision: features are sought at this size
+    max_features: int = 8192  # per photo; COLMAP's default
+    threads: int = 2  # decision: each takes about 1 GB while it seeks features
+    all_pairs_up_to: int = 60  # photos; decision
+    followers: int = 10  # decision: photos that follow in order are matched, the ring closed
+    near_photos: int = 10  # decision: nearest by GPS that are matched
+    near_m: float = 30.0  # decision: and how far away they may be
+    min_matches: int = 15  # COLMAP's default: fewer verified matches of a pair do not count
+    min_model_photos: int = 3  # a point seen by three is checked by the third
+
+
+@dataclass(frozen=True, slots=True)
 class ClusterConfig:
     """S.2: Algorithm 2 and the robust default."""
 
