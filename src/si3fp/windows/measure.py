@@ -9,6 +9,7 @@ plane: seen from below, windows look too low at the top and right at the bottom 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,6 +30,20 @@ OUTWARD = np.array([-1.0, 1.0, -1.0, 1.0])
 """Sign of an outward move of the left, right, bottom and top edge."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class EdgeLever:
+    """How far the edges of a window appear moved inwards per metre of recess.
+
+    Attributes
+    ----------
+    per_m, sigma_per_m
+        (4,) left, right, bottom and top, and their standard deviations.
+    """
+
+    per_m: FloatArray
+    sigma_per_m: FloatArray
+
+
 def measure_windows(
     fused: FusedDetections,
     balconies: Detections,
@@ -36,6 +51,7 @@ def measure_windows(
     cameras_in_facade: Mapping[str, FloatArray],
     config: MeasureConfig,
     recesses: Sequence[RecessEstimate] | None = None,
+    levers: Sequence[EdgeLever] | None = None,
 ) -> tuple[Window, ...]:
     """Windows in metres from the facade's lower left corner, top row first, left to right.
 
@@ -52,29 +68,36 @@ def measure_windows(
     config
         Assumed recess, its uncertainty, smallest window.
     recesses
-        Recess of every window by parallax; where it is not known, the assumed one is corrected.
+        Recess of every window; where it is not known, the assumed one is corrected.
+    levers
+        How the recess moves the edges of every window; without them, as on a blend of views that
+        were rectified onto the wall plane.
     """
+    cameras = list(cameras_in_facade.values())
+    if levers is None:
+        edges = [edges_from_box(box_px, grid) for box_px in fused.detections.boxes_px]
+        levers = [EdgeLever(recess_lever(each, cameras), np.zeros(4)) for each in edges]
     windows = []
-    for box_px, score, views, sigma_px, note, recess in zip(
+    for box_px, score, views, sigma_px, note, recess, lever in zip(
         fused.detections.boxes_px,
         fused.detections.scores,
         fused.views,
         fused.detections.edge_sigma_px,
         fused.notes,
         [UNKNOWN_RECESS] * len(fused.views) if recesses is None else recesses,
+        levers,
         strict=True,
     ):
         edges_m = edges_from_box(box_px, grid)
         width_m, height_m = edges_m[1] - edges_m[0], edges_m[3] - edges_m[2]
         if min(width_m, height_m) < config.min_size_m or stands_on_ground(edges_m, config):
             continue
-        lever = recess_lever(edges_m, list(cameras_in_facade.values()))
         own_m = np.maximum(sigma_px[[0, 2, 3, 1]], LEAST_SIGMA_PX) * grid.m_per_px
         own_m = np.where(sigma_px[[0, 2, 3, 1]] > 0, own_m, config.box_sigma_m)
-        sigma_m = np.hypot(
-            own_m, lever * (config.recess_sigma_m if recess.recess_m is None else recess.sigma_m)
-        )
-        correction_m = recess_correction(lever, recess, config)
+        recess_sigma_m = config.recess_sigma_m if recess.recess_m is None else recess.sigma_m
+        sigma_m = np.hypot(own_m, lever.per_m * recess_sigma_m)
+        sigma_m = np.hypot(sigma_m, lever.sigma_per_m * recess_depth(recess, config))
+        correction_m = recess_correction(lever.per_m, recess, config)
         left, right, bottom, top = np.clip(
             edges_m + correction_m, 0, [grid.width_m, grid.width_m, grid.height_m, grid.height_m]
         )
@@ -151,9 +174,14 @@ def recess_correction(
     """What to add to left, right, bottom and top (4,) in metres; 0 where switched off."""
     if not config.correct_recess:
         return np.zeros(4)
-    depth_m = config.assumed_recess_m if recess.recess_m is None else recess.recess_m
-    correction: FloatArray = OUTWARD * lever * max(depth_m, 0.0)
+    correction: FloatArray = OUTWARD * lever * recess_depth(recess, config)
     return correction
+
+
+def recess_depth(recess: RecessEstimate, config: MeasureConfig) -> float:
+    """The measured or else the assumed recess in metres, never negative."""
+    depth_m = config.assumed_recess_m if recess.recess_m is None else recess.recess_m
+    return max(depth_m, 0.0)
 
 
 def _label(box_px: FloatArray, balconies: Detections, grid: FacadeGrid) -> WindowLabel:
@@ -172,10 +200,8 @@ def _evidence(views: int, recess: RecessEstimate, note: str, config: MeasureConf
     if recess.recess_m is None:
         depth = f"assumed recess of {config.assumed_recess_m:.2f} m"
     else:
-        depth = (
-            f"recess of {recess.recess_m:.2f} +- {recess.sigma_m:.2f} m "
-            f"from parallax of {recess.views} views"
-        )
+        told_by = recess.told_by or f"parallax of {recess.views} views"
+        depth = f"recess of {recess.recess_m:.2f} +- {recess.sigma_m:.2f} m from {told_by}"
     corrected = "corrected" if config.correct_recess else "not corrected"
     seen = f"seen in {views} view{'s' if views != 1 else ''}"
     return "; ".join(part for part in (seen, note, f"{depth} {corrected}") if part)

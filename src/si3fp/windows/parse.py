@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from si3fp.config import FusionConfig, MeasureConfig
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Detections, FacadeGrid, FacadeViews, OrthoImage, Window
 from si3fp.windows.detect import WindowDetector
-from si3fp.windows.fuse import combine, fuse_views
+from si3fp.windows.fuse import FusedDetections, combine, fuse_views
 from si3fp.windows.interval import WwrErrors, wwr_interval
 from si3fp.windows.join import join_openings
 from si3fp.windows.lattice import complete_windows
@@ -21,7 +22,7 @@ from si3fp.windows.measure import (
     opening_box,
     stands_on_ground,
 )
-from si3fp.windows.recess import UNKNOWN_RECESS, estimate_recess
+from si3fp.windows.recess import UNKNOWN_RECESS, RecessEstimate, estimate_recess
 from si3fp.windows.refine import refine_boxes
 from si3fp.windows.regular import HALF_SEEN, correct_windows, edges_of
 from si3fp.windows.seen import share_seen, wall_seen
@@ -45,6 +46,8 @@ class ParsedFacade:
         and edges come from the fused image itself (docs/decisions/0008-recess.md).
     wwr_interval
         90 % interval of the window-to-wall ratio; None where the detector is not calibrated.
+    notes
+        What else was decided about the facade, in words.
     """
 
     windows: tuple[Window, ...]
@@ -52,6 +55,7 @@ class ParsedFacade:
     on_fused: Detections
     picture: OrthoImage
     wwr_interval: tuple[float, float] | None
+    notes: tuple[str, ...] = ()
 
 
 def parse_facade(
@@ -84,57 +88,118 @@ def parse_facade(
         fusion,
         {view.source: view.valid for view in best},
     )
-    threshold = detector.thresholds["window"]
     proposed = combine(agreed, of_label(on_fused), views.views, fusion)
-    sure = proposed.detections.scores >= threshold
-    together = join_openings(proposed.select(np.flatnonzero(sure)), fused, grid.m_per_px, measure)
-    refined = refine_boxes(together, fused, grid.m_per_px, measure)
     balconies = of_label(on_fused, "balcony")
     balconies = balconies.select(balconies.scores >= detector.thresholds["balcony"])
-    boxes = refined.detections.boxes_px
-    recesses = (UNKNOWN_RECESS,) * len(boxes)
-    if measure.measure_recess:
-        recesses = estimate_recess(boxes, views.views, cameras_in_facade, grid.m_per_px, measure)
-    windows = measure_windows(refined, balconies, grid, cameras_in_facade, measure, recesses)
-    weak = proposed.select(np.flatnonzero(~sure))
-    candidates = measure_windows(weak, balconies, grid, cameras_in_facade, measure)
+
+    def recess_of(boxes: FloatArray) -> Sequence[RecessEstimate]:
+        if not measure.measure_recess:
+            return (UNKNOWN_RECESS,) * len(boxes)
+        return estimate_recess(boxes, views.views, cameras_in_facade, grid.m_per_px, measure)
+
+    def measured(
+        found: FusedDetections, recesses: Sequence[RecessEstimate] | None
+    ) -> tuple[Window, ...]:
+        return measure_windows(found, balconies, grid, cameras_in_facade, measure, recesses)
+
     seen = wall_seen(fused, views.views)
-    windows = correct_windows(windows, seen, grid, measure)
+    threshold = detector.thresholds["window"]
+    found = find_windows(proposed, fused, seen, grid, threshold, measure, recess_of, measured)
+    openings = [
+        opening_box(box, grid, cameras_in_facade, recess, measure)
+        for box, recess in zip(found.boxes_px, found.recesses, strict=True)
+    ]
+    picture = sharpen_windows(fused, views.views, openings, found.recesses, cameras_in_facade, grid)
+    interval = interval_of(found, fused, grid, detector.wwr_errors)
+    return ParsedFacade(found.windows, per_view, on_fused, picture, interval)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundWindows:
+    """The windows of one image and what they come from.
+
+    Attributes
+    ----------
+    boxes_px, recesses
+        (N, 4) sure openings after joining and refining, and the depth of their glass.
+    windows
+        Measured, corrected and completed.
+    candidates
+        Measured boxes below the threshold.
+    """
+
+    boxes_px: FloatArray
+    recesses: tuple[RecessEstimate, ...]
+    windows: tuple[Window, ...]
+    candidates: tuple[Window, ...]
+
+
+def find_windows(
+    proposed: FusedDetections,
+    image: OrthoImage,
+    seen: NDArray[np.float32],
+    grid: FacadeGrid,
+    threshold: float,
+    config: MeasureConfig,
+    recess_of: Callable[[FloatArray], Sequence[RecessEstimate]],
+    measured: Callable[[FusedDetections, Sequence[RecessEstimate] | None], tuple[Window, ...]],
+    least_score: float = 0.0,
+) -> FoundWindows:
+    """The windows among what is proposed on one image, measured, corrected and completed.
+
+    Parameters
+    ----------
+    proposed
+        Boxes of windows with their scores, best first.
+    image, grid
+        Image on which they lie.
+    seen
+        (H, W) how sure it is that a pixel shows the wall or what is set into it.
+    threshold
+        Score from which a box is a window.
+    config
+        Constants of the measurement.
+    recess_of
+        Recesses of boxes (N, 4).
+    measured
+        Windows in metres of boxes and their recesses, None where these are assumed.
+    least_score
+        What scores less cannot be raised by its row and column.
+    """
+    sure = proposed.detections.scores >= threshold
+    together = join_openings(proposed.select(np.flatnonzero(sure)), image, grid.m_per_px, config)
+    refined = refine_boxes(together, image, grid.m_per_px, config)
+    boxes = refined.detections.boxes_px
+    recesses = tuple(recess_of(boxes))
+    windows = measured(refined, recesses)
+    candidates = measured(proposed.select(np.flatnonzero(~sure)), None)
+    windows = correct_windows(windows, seen, grid, config)
     entrances = [
         edges
         for edges in (edges_from_box(box, grid) for box in boxes)
-        if stands_on_ground(edges, measure)
+        if stands_on_ground(edges, config)
     ]
-    windows = complete_windows(
-        windows, candidates, np.array(entrances).reshape(-1, 4), seen, grid, threshold, measure
-    )
-    openings = [
-        opening_box(box, grid, cameras_in_facade, recess, measure)
-        for box, recess in zip(boxes, recesses, strict=True)
-    ]
-    picture = sharpen_windows(fused, views.views, openings, recesses, cameras_in_facade, grid)
-    interval = _wwr_interval(windows, candidates, fused, grid, detector.wwr_errors)
-    return ParsedFacade(windows, per_view, on_fused, picture, interval)
+    occupied = np.array(entrances).reshape(-1, 4)
+    raisable = [window for window in candidates if window.score >= least_score]
+    windows = complete_windows(windows, raisable, occupied, seen, grid, threshold, config)
+    return FoundWindows(boxes, recesses, windows, candidates)
 
 
-def _wwr_interval(
-    windows: Sequence[Window],
-    candidates: Sequence[Window],
-    fused: OrthoImage,
-    grid: FacadeGrid,
-    errors: WwrErrors | None,
+def interval_of(
+    found: FoundWindows, image: OrthoImage, grid: FacadeGrid, errors: WwrErrors | None
 ) -> tuple[float, float] | None:
+    """90 % interval of the window-to-wall ratio; None where the detector is not calibrated."""
     if errors is None:
         return None
-    valid = fused.valid.astype(np.float32)
+    valid = image.valid.astype(np.float32)
     beyond = [
         window
-        for window, edges in zip(windows, edges_of(windows), strict=True)
+        for window, edges in zip(found.windows, edges_of(found.windows), strict=True)
         if window.origin == "inferred" and share_seen(valid, grid, edges) < HALF_SEEN
     ]
-    within = [window for window in windows if window not in beyond]
+    within = [window for window in found.windows if window not in beyond]
     area_m2 = grid.width_m * grid.height_m
-    return wwr_interval(within, candidates, area_m2, float(valid.mean()), errors, beyond)
+    return wwr_interval(within, found.candidates, area_m2, float(valid.mean()), errors, beyond)
 
 
 def of_label(detections: Detections, label: str = "window") -> Detections:

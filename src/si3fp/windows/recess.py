@@ -58,12 +58,15 @@ class RecessEstimate:
         Depth behind the facade plane at which the views agree on the inside of the window.
     views
         Number of views compared.
+    told_by
+        What told it, if not the parallax of the views.
     """
 
     recess_m: float | None
     sigma_m: float
     glass_m: float
     views: int
+    told_by: str = ""
 
 
 UNKNOWN_RECESS = RecessEstimate(None, 0.0, 0.0, 0)
@@ -285,10 +288,35 @@ def _by_kind(
         if mine is not None:
             width_m = np.hypot(mine.half_width_m, wall.half_width_m if wall else RING_M)
             sigma_m = SIGMA_PER_WIDTH * width_m
-        spread_m = 1.4826 * float(np.median(np.abs(values - kind.depth_m))) if len(values) else 0.0
-        spread_m = max(spread_m, config.recess_floor_m)
-        share = spread_m**2 / (spread_m**2 + sigma_m**2)
-        value_m = kind.depth_m + share * ((mine.depth_m if mine else kind.depth_m) - kind.depth_m)
-        left_m = np.hypot(spread_m * np.sqrt(1 - share), config.recess_floor_m)
-        results.append((value_m, float(left_m)))
+        results.append(
+            drawn_to_kind(
+                kind.depth_m, values, mine.depth_m if mine else None, sigma_m, config.recess_floor_m
+            )
+        )
     return results
+
+
+def drawn_to_kind(
+    kind_m: float, told_m: FloatArray, own_m: float | None, sigma_m: float, floor_m: float
+) -> tuple[float, float]:
+    """Depth of one window and its standard deviation, drawn towards its kind.
+
+    Parameters
+    ----------
+    kind_m, told_m
+        Depth of its kind, and the depths (N,) that windows of this kind tell by themselves.
+    own_m, sigma_m
+        What the window itself tells, or None, and its standard deviation.
+    floor_m
+        Systematic error: neither spread nor result is known better.
+
+    Notes
+    -----
+    A normal prior with the kind's depth and the spread of what its windows tell.
+    """
+    spread_m = 1.4826 * float(np.median(np.abs(told_m - kind_m))) if len(told_m) else 0.0
+    spread_m = max(spread_m, floor_m)
+    share = 0.0 if own_m is None else spread_m**2 / (spread_m**2 + sigma_m**2)
+    value_m = kind_m + share * ((kind_m if own_m is None else own_m) - kind_m)
+    left_m = np.hypot(spread_m * np.sqrt(1 - share), floor_m)
+    return value_m, float(left_m)
