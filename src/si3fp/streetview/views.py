@@ -104,8 +104,15 @@ def enough_seen(views: Sequence[OrthoImage], config: OrthoConfig) -> list[OrthoI
 
 
 def moved_to(view: OrthoImage, rows: slice, columns: slice) -> OrthoImage:
-    """The part of a view inside a pixel box."""
-    return replace(view, rgb=view.rgb[rows, columns], valid=view.valid[rows, columns])
+    """The part of a view inside a pixel box, with all of its layers."""
+    depth_m, seen_by = view.depth_m, view.seen_by
+    return replace(
+        view,
+        rgb=view.rgb[rows, columns],
+        valid=view.valid[rows, columns],
+        depth_m=None if depth_m is None else depth_m[rows, columns],
+        seen_by=None if seen_by is None else seen_by[rows, columns],
+    )
 
 
 def _coarse_pixels(grid: FacadeGrid) -> NDArray[np.float64]:
