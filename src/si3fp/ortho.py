@@ -1,4 +1,4 @@
-"""Algorithm 1: one panorama resampled onto one facade grid.
+"""Algorithm 1: one panorama resampled onto one facade grid; how well any camera resolves a wall.
 
 The map from grid to panorama is smooth, so it is computed exactly on a coarse lattice and
 interpolated; the lattice is as fine as `MAP_ERROR_PX` asks. What remains per pixel is one
@@ -15,7 +15,7 @@ from si3fp.config import OrthoConfig
 from si3fp.geometry.equirect import pixels_from_directions
 from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.rigid import FloatArray
-from si3fp.model import Image, OrthoImage, Panorama
+from si3fp.model import Image, OrthoImage, Panorama, Photo
 
 MAP_ERROR_PX = 0.05
 """Largest error of the interpolated map, in pixels of the source as it is sampled, that is after
@@ -25,13 +25,13 @@ LATTICE_STEPS_PX = (32, 16, 8, 4, 2)
 
 
 def view_distances(
-    panorama: Panorama, grid: FacadeGrid, pixels: FloatArray
+    source: Panorama | Photo, grid: FacadeGrid, pixels: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Distance in metres and cosine of obliqueness of a panorama to grid pixels (..., 2).
+    """Distance in metres and cosine of obliqueness of a camera to grid pixels (..., 2).
 
     The cosine is negative where the camera is behind the facade plane.
     """
-    rays = panorama.centre_in_world - grid.world_from_pixels(pixels)
+    rays = source.centre_in_world - grid.world_from_pixels(pixels)
     distances_m = np.linalg.norm(rays, axis=-1)
     return distances_m, rays @ grid.normal_in_world / np.maximum(distances_m, 1e-9)
 
@@ -97,7 +97,7 @@ def rectify(
     local = ((lattice - corner) / shrink - 0.5).astype(np.float32)
 
     rgb = np.empty((grid.height_px, grid.width_px, 3), np.uint8)
-    valid = _within_obliqueness(panorama, grid, config.max_obliqueness_deg)
+    valid = within_obliqueness(panorama, grid, config.max_obliqueness_deg)
     rows_per_band = max(1, config.band_px // step) * step
     for top in range(0, grid.height_px, rows_per_band):
         band = slice(top, min(top + rows_per_band, grid.height_px))
@@ -228,11 +228,11 @@ def _all_seen(nodes: NDArray[np.float32], mask: Image) -> bool:
     return bool((mask[top:bottom, left:right] == 255).all())
 
 
-def _within_obliqueness(
-    panorama: Panorama, grid: FacadeGrid, max_obliqueness_deg: float
+def within_obliqueness(
+    source: Panorama | Photo, grid: FacadeGrid, max_obliqueness_deg: float
 ) -> NDArray[np.bool_]:
     """(H, W) bool: the camera is in front of the plane and not too oblique to it."""
-    camera = grid.world_from_facade.inverse().apply(panorama.centre_in_world)
+    camera = grid.world_from_facade.inverse().apply(source.centre_in_world)
     if camera[2] <= 0:
         return np.zeros((grid.height_px, grid.width_px), np.bool_)
     x, y = _axis_gaps(grid, camera)
@@ -252,9 +252,9 @@ def _axis_gaps(grid: FacadeGrid, camera: FloatArray) -> tuple[FloatArray, FloatA
     return x - camera[0], y - camera[1]
 
 
-def view_weight(panorama: Panorama, grid: FacadeGrid) -> NDArray[np.float32]:
-    """(H, W) `wall_resolution` of a panorama at every pixel of a grid."""
-    camera = grid.world_from_facade.inverse().apply(panorama.centre_in_world)
+def view_weight(source: Panorama | Photo, grid: FacadeGrid) -> NDArray[np.float32]:
+    """(H, W) `wall_resolution` of a camera at every pixel of a grid."""
+    camera = grid.world_from_facade.inverse().apply(source.centre_in_world)
     x, y = _axis_gaps(grid, camera)
     return wall_resolution(x[None, :], y[:, None], float(camera[2])).astype(np.float32)
 

@@ -1,0 +1,182 @@
+"""Which places of a wall a photo sees: other walls and what stands in front hide the rest.
+
+Answers are lattices, (h, w) bool in image order with cells of about `LATTICE_M`: poses and planes
+are exact, but what stands in front of a wall is only known where the reconstruction has points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from si3fp.camera2d.facade_plane import FacadePlane
+from si3fp.config import MosaicConfig
+from si3fp.geometry.facade_grid import FacadeGrid
+from si3fp.geometry.rigid import FloatArray
+from si3fp.model import Photo, SparsePoints
+from si3fp.ortho import view_distances
+
+LATTICE_M = 0.2
+BoolLattice = NDArray[np.bool_]
+
+
+def seen_from(
+    plane: FacadePlane,
+    grid: FacadeGrid,
+    photos: Sequence[Photo],
+    occluders: Sequence[FacadePlane],
+    points: SparsePoints,
+    config: MosaicConfig,
+) -> dict[str, BoolLattice]:
+    """By photo id the places of a wall that the photo shows, (h, w) bool on one lattice.
+
+    Parameters
+    ----------
+    plane
+        The wall.
+    grid
+        Its grid; the lattice divides it into cells of equal size.
+    photos
+        Photos with their poses.
+    occluders
+        All known walls; the wall itself, if among them, hides nothing.
+    points
+        Sparse points with the photos that saw them; there may be none.
+    config
+        What counts as too oblique, and which points stand in front of the wall.
+
+    Notes
+    -----
+    A place is seen if it lies inside the photo, at most `max_obliqueness_deg` from the wall's
+    normal, behind no other wall, and behind no foreground: where the photo's own points in front
+    of the wall outnumber those on it. Points that could be a balcony hide a place only if two
+    other photos see it: what all photos show there belongs to the facade or cannot be removed.
+    """
+    nodes = lattice_pixels(grid)
+    places = grid.world_from_pixels(nodes)
+    walls = [wall for wall in occluders if wall.facade_id != plane.facade_id]
+    points_in_facade = grid.world_from_facade.inverse().apply(points.points_in_world)
+    rows_by_photo = _rows_by_photo(points)
+    seen, maybe_hidden = {}, {}
+    for photo in photos:
+        sight = _inside_photo(photo, grid, nodes, config.max_obliqueness_deg)
+        if not sight.any():
+            seen[photo.id] = maybe_hidden[photo.id] = sight
+            continue
+        for wall in walls:
+            sight &= ~_behind_wall(photo, grid, places, wall, config.clearance_m)
+        mine = points_in_facade[rows_by_photo.get(photo.id, [])]
+        near, far = _behind_points(photo, grid, mine, sight.shape, config)
+        seen[photo.id] = sight & ~far
+        maybe_hidden[photo.id] = near
+    clear = sum((seen[name] & ~maybe_hidden[name]).astype(int) for name in seen)
+    removable = np.asarray(clear) >= config.min_photos
+    return {name: seen[name] & ~(maybe_hidden[name] & removable) for name in seen}
+
+
+def lattice_pixels(grid: FacadeGrid) -> FloatArray:
+    """Grid pixels (h, w, 2) of the middles of the lattice's cells."""
+    columns = max(2, round(grid.width_m / LATTICE_M))
+    rows = max(2, round(grid.height_m / LATTICE_M))
+    x, y = np.meshgrid(
+        (np.arange(columns) + 0.5) / columns * grid.width_px,
+        (np.arange(rows) + 0.5) / rows * grid.height_px,
+    )
+    return np.stack([x, y], axis=-1)
+
+
+def on_grid(lattice: BoolLattice, grid: FacadeGrid) -> NDArray[np.bool_]:
+    """The lattice at every pixel (H, W) of the grid."""
+    size = (grid.width_px, grid.height_px)
+    full = cv2.resize(lattice.view(np.uint8), size, interpolation=cv2.INTER_NEAREST)
+    return np.asarray(full, np.uint8) > 0
+
+
+def _inside_photo(
+    photo: Photo, grid: FacadeGrid, nodes: FloatArray, max_obliqueness_deg: float
+) -> BoolLattice:
+    camera = photo.camera
+    _, cosines = view_distances(photo, grid, nodes)
+    pixels = camera.project(photo.cam_from_world.apply(grid.world_from_pixels(nodes)))
+    with np.errstate(invalid="ignore"):
+        inside = (pixels >= 0) & (pixels <= [camera.width_px, camera.height_px])
+    sight: BoolLattice = inside.all(axis=-1) & (cosines >= np.cos(np.deg2rad(max_obliqueness_deg)))
+    return sight
+
+
+def _behind_wall(
+    photo: Photo, grid: FacadeGrid, places: FloatArray, wall: FacadePlane, clearance_m: float
+) -> BoolLattice:
+    """(h, w) bool: the ray from the camera to a place (h, w, 3) passes through the rectangle.
+
+    Crossings nearer to the grid's plane than the clearance do not count: a wall found twice, a
+    shallow bay, a corner that is a little off.
+    """
+    wall_from_world = wall.world_from_facade.inverse()
+    camera = wall_from_world.apply(photo.centre_in_world)
+    ends = wall_from_world.apply(places)
+    fall = camera[2] - ends[..., 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(np.abs(fall) > 1e-9, camera[2] / fall, -1.0)
+    between = (share > 0) & (share < 1)
+    x, y = np.moveaxis(camera[:2] + share[..., None] * (ends[..., :2] - camera[:2]), -1, 0)
+    in_rectangle = (x >= 0) & (x <= wall.width_m) & (y >= 0) & (y <= wall.height_m)
+    camera_height_m = grid.world_from_facade.inverse().apply(photo.centre_in_world)[2]
+    hidden: BoolLattice = between & in_rectangle & ((1 - share) * camera_height_m > clearance_m)
+    return hidden
+
+
+def _behind_points(
+    photo: Photo,
+    grid: FacadeGrid,
+    points_in_facade: FloatArray,
+    shape: tuple[int, ...],
+    config: MosaicConfig,
+) -> tuple[BoolLattice, BoolLattice]:
+    """(h, w) bool twice: foreground that may be a balcony, and foreground that may not."""
+    camera = grid.world_from_facade.inverse().apply(photo.centre_in_world)
+    depth = points_in_facade[:, 2]
+    usable = (depth < 0.95 * camera[2]) & (depth > -config.clearance_m)
+    points, depth = points_in_facade[usable], depth[usable]
+    # Where the ray from the camera through the point meets the wall.
+    stretch = camera[2] / (camera[2] - depth)
+    feet = camera[:2] + stretch[:, None] * (points[:, :2] - camera[:2])
+    on_wall, near, far = (
+        _density(feet[which], grid, shape, config.point_reach_m)
+        for which in (
+            depth <= config.clearance_m,
+            depth > config.clearance_m,
+            depth > config.balcony_m,
+        )
+    )
+    needed = np.maximum(on_wall, config.min_points)
+    return near > needed, far > needed
+
+
+def _density(
+    feet_m: FloatArray, grid: FacadeGrid, shape: tuple[int, ...], reach_m: float
+) -> NDArray[np.float64]:
+    """(h, w) number of points (P, 2) around every cell; one point alone counts 1 at its place."""
+    rows, columns = shape
+    pixels = grid.pixels_from_facade(feet_m)
+    column = np.floor(pixels[:, 0] / grid.width_px * columns).astype(int)
+    row = np.floor(pixels[:, 1] / grid.height_px * rows).astype(int)
+    # Points beyond the border reach into the grid.
+    sigma = reach_m / LATTICE_M
+    rim = int(np.ceil(3 * sigma))
+    inside = (column >= -rim) & (column < columns + rim) & (row >= -rim) & (row < rows + rim)
+    counts = np.zeros((rows + 2 * rim, columns + 2 * rim))
+    np.add.at(counts, (row[inside] + rim, column[inside] + rim), 1.0)
+    smooth = cv2.GaussianBlur(counts, (2 * rim + 1, 2 * rim + 1), sigma)
+    return np.asarray(smooth[rim : rim + rows, rim : rim + columns] * (2 * np.pi * sigma**2))
+
+
+def _rows_by_photo(points: SparsePoints) -> Mapping[str, list[int]]:
+    rows: dict[str, list[int]] = {}
+    for row, names in enumerate(points.photo_ids):
+        for name in names:
+            rows.setdefault(name, []).append(row)
+    return rows
