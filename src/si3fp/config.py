@@ -67,6 +67,11 @@ class SfmConfig:
     near_m: float = 30.0  # decision: and how far away they may be
     min_matches: int = 15  # COLMAP's default: fewer verified matches of a pair do not count
     min_model_photos: int = 3  # a point seen by three is checked by the third
+    same_view_deg: float = 15.0  # decision: SIFT matches a wall seen from directions so near
+    same_view_ratio: float = 1.5  # decision: and from distances so alike
+    stranger_share: float = 0.3  # decision: of the common points; two correct models: 0.62 and more
+    min_strangers: int = 3  # decision: pairs; one may have a van before the lens
+    strong_matches: int = 100  # decision: two correct models rejected 41 and 21 at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +98,22 @@ class ClusterConfig:
     default_height_m: float = 9.0  # decision: eaves where neither footprint nor planes tell
     camera_height_m: float = 2.5  # decision: above ground, where nothing tells the ground
     cloud_points: int = 600_000  # decision: coloured points of a run, 15 bytes each
+
+
+@dataclass(frozen=True, slots=True)
+class WorldConfig:
+    """C.2: from a reconstruction to metres, z up, place and north."""
+
+    tape_sigma_m: float = 0.02  # decision (METHOD 13): accuracy of a measured distance
+    gps_sigma_m: float = 3.0  # decision: accuracy of a coordinate by a telephone's GPS
+    max_scale_sigma: float = 1 / 3  # decision: of the scale; GPS over a shorter way tells none
+    max_scale_factor: float = 1.5  # decision: between distances and GPS; more is a mistake
+    max_heading_sigma_deg: float = 10.0  # decision: a north less sure than this is unknown
+    camera_height_m: float = 1.6  # decision: of hand-held cameras above the ground
+    min_high_m: float = 3.0  # decision: points so far below tell of a drone or upper floor
+    wall_tolerance: float = 0.01  # decision: of a wall's points, share of the typical distance
+    unscaled_distance_m: float = 15.0  # decision: typical camera to wall where no scale is known
+    max_lean_deg: float = 10.0  # decision: known cameras whose z leans more are not z up
 
 
 @dataclass(frozen=True, slots=True)
