@@ -153,8 +153,9 @@ def depth_recesses(
     Notes
     -----
     Panes show reflections, whose depth lies anywhere. So the four borders, where the frame is, and
-    the middle have one vote each, and their median counts if they agree. Windows of one size are of one kind:
-    each is drawn towards the median of its kind, and takes it where it tells nothing itself.
+    the middle have one vote each, and their median counts if they agree. Windows of one size are
+    of one kind: each is drawn towards the median of its kind, and takes it where it tells nothing
+    itself.
     """
     boxes = np.asarray(boxes_px, np.float64).reshape(-1, 4)
     depth_m = _known_depth(ortho)
