@@ -109,6 +109,7 @@ class WorldConfig:
     max_scale_sigma: float = 1 / 3  # decision: of the scale; GPS over a shorter way tells none
     max_scale_factor: float = 1.5  # decision: between distances and GPS; more is a mistake
     max_heading_sigma_deg: float = 10.0  # decision: a north less sure than this is unknown
+    min_fit: float = 0.6  # decision: score of walls on footprints near the place by GPS
     camera_height_m: float = 1.6  # decision: of hand-held cameras above the ground
     min_high_m: float = 3.0  # decision: points so far below tell of a drone or upper floor
     wall_tolerance: float = 0.01  # decision: of a wall's points, share of the typical distance
@@ -185,8 +186,12 @@ class PlaneConfig:
     parallel_deg: float = 10.0  # decision: walls that hide one another rather than meet
     step_m: float = 4.0  # decision: deepest bay or set-back of one wall
     min_rows: float = 1.5  # decision: rows of cells below which a place counts as empty
+    min_rows_share: float = 0.2  # decision: or below this share of the usual rows of the wall
+    relief_m: float = 0.5  # decision: frames, sills and plinths stand no farther off their wall
+    relief_share: float = 0.4  # decision: of their places in which they may have more rows than it
     change_rows: float = 12.0  # decision: rows of cells that pay for a change of plane
     min_points: int = 40  # decision: on a facade
+    min_flat: float = 0.4  # decision: share of the points within relief_m that lie on the plane
     min_photos: int = 3  # decision: that look at a facade
     min_width_m: float = 2.5  # decision: smaller walls are returns, piers and chimneys
     min_height_m: float = 2.0  # decision
