@@ -131,6 +131,49 @@ class OrthoConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class RadianceConfig:
+    """C.3: the radiance field; tuned on the synthetic facade of benchmarks/accuracy/radiance."""
+
+    m_per_px: float = 0.02  # finest cell of the field = pixel of the orthophoto
+    slab_behind_m: float = 0.5  # decision: deepest recess that is rendered
+    slab_front_m: float = 1.7  # decision: deepest balcony
+    margin_m: float = 0.3  # decision: the field goes on beyond the rectangle
+    min_standoff_m: float = 2.0  # decision: photos nearer to the plane or behind it are left out
+    min_seen: float = 0.01  # decision: share of the wall that a photo must show
+    min_photos_to_hold_out: int = 8  # decision: fewer are all needed for training
+    photos_mib: int = 512  # memory for pixels; more are averaged down
+    entries_per_px: float = 0.6  # decision: rows per level of the hash table and ortho pixel
+    max_log2_entries: int = 21  # 2 M rows x 6 levels x 64 bytes = 0.8 GiB
+    front_levels: int = 3  # decision: trees and cars use the three coarse levels
+    front_cell_m: float = 0.16  # decision: occupancy of the front
+    front_step_m: float = 0.12  # decision: distance between samples in the front
+    cell_px: float = 2.0  # decision: occupancy of the slab, in ortho pixels
+    near_share: float = 0.25  # decision: a ray is empty for this share of its way to the wall
+    seed_radius_m: float = 0.5  # decision: the front may hold something this near to a point
+    front_density_per_m: float = 0.02  # decision: where a field starts from
+    slab_density_per_m: float = 0.2  # decision
+    plane_rise: float = 2.0  # decision: log density that the plane starts above the slab
+    plane_rise_m: float = 0.15  # decision: half width of that rise
+    batch_samples: int = 65536
+    samples_per_px: float = 100.0  # decision: budget per ortho pixel; 80 sufficed (RADIANCE)
+    budget_s: float = 600.0  # upper limit; where it binds, a run depends on the machine
+    learning_rate: float = 1e-2  # of features and photo gains
+    network_rate: float = 5e-3
+    decay_from: float = 0.5  # decision: share of the budget after which rates fall
+    final_rate: float = 0.03  # decision: to this share
+    first_step_px: float = 3.0  # decision: samples are this far apart at first
+    step_px: float = 0.75  # METHOD: at most 1.5 cm at 2 cm per pixel
+    shorten_until: float = 0.2
+    huber: float = 0.1  # decision: colour errors above this count linearly (0..1)
+    spread_weight: float = 0.0
+    prune_from: float = 0.04  # share of the budget after which empty cells are skipped
+    refresh_every: int = 32
+    forget: float = 0.97  # decision: per sample in a cell
+    threshold_per_m: float = 0.5  # decision: a cell below this density is empty
+    threads: int = 2
+
+
+@dataclass(frozen=True, slots=True)
 class AlignConfig:
     """S.3: registration of the views of one facade."""
 
@@ -185,8 +228,8 @@ class PlaneConfig:
     gap_m: float = 4.0  # decision: plain plaster may have no points for so long
     parallel_deg: float = 10.0  # decision: walls that hide one another rather than meet
     step_m: float = 4.0  # decision: deepest bay or set-back of one wall
+    min_step_m: float = 0.25  # decision: smaller ones are relief, or a bent reconstruction
     min_rows: float = 1.5  # decision: rows of cells below which a place counts as empty
-    min_rows_share: float = 0.2  # decision: or below this share of the usual rows of the wall
     relief_m: float = 0.5  # decision: frames, sills and plinths stand no farther off their wall
     relief_share: float = 0.4  # decision: of their places in which they may have more rows than it
     change_rows: float = 12.0  # decision: rows of cells that pay for a change of plane
