@@ -50,7 +50,7 @@ def _joined(name: str, parts: Sequence[Facade]) -> Facade:
     low = np.min([origin[:2] for origin in origins], axis=0)
     high = np.max(
         [
-            origin[:2] + [part.width_m, part.height_m]
+            np.add(origin[:2], (part.width_m, part.height_m))
             for origin, part in zip(origins, parts, strict=True)
         ],
         axis=0,
