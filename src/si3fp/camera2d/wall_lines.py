@@ -1,0 +1,209 @@
+"""Vertical planes through sparse points: lines in plan that many points stand on, row above row."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from si3fp.camera2d.wall_points import IntArray, WallPoints
+from si3fp.config import PlaneConfig
+from si3fp.geometry.rigid import FloatArray
+
+_REFITS = 4
+_GROWTH = 1.5  # by which a line's reach is multiplied until no more points join
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanLine:
+    """A vertical plane seen from above.
+
+    Attributes
+    ----------
+    foot_in_world
+        (2,) a point on it, metres.
+    outward
+        (2,) unit normal to the outside.
+    """
+
+    foot_in_world: FloatArray
+    outward: FloatArray
+
+    @property
+    def along(self) -> FloatArray:
+        """(2,) unit vector to the right, seen from outside."""
+        return np.array([-self.outward[1], self.outward[0]])
+
+    def coordinates(self, points_in_world: FloatArray) -> FloatArray:
+        """Metres right of the foot and in front of the plane (..., 2) of points (..., 2+)."""
+        gap = points_in_world[..., :2] - self.foot_in_world
+        return np.stack([gap @ self.along, gap @ self.outward], axis=-1)
+
+    def flipped(self) -> PlanLine:
+        """The same plane with the other side outside."""
+        return PlanLine(self.foot_in_world, -self.outward)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WallLine:
+    """A line with the points that stand on it.
+
+    Attributes
+    ----------
+    line
+        The line; outside is where the cameras are.
+    members
+        Indices of the points.
+    """
+
+    line: PlanLine
+    members: IntArray
+
+
+def find_wall_lines(points: WallPoints, config: PlaneConfig) -> list[WallLine]:
+    """Lines in plan with the points on them, the one with most support first.
+
+    Each place where points stand above one another proposes the line through its surroundings
+    that most of them lie on (a Hough transform of the neighbourhood). The strongest proposal grows
+    along itself as far as points go on without a gap, takes its points away, and the next follows.
+    A point belongs to one line at most.
+    """
+    free = np.ones(len(points.weights), dtype=np.bool_)
+    seeds = _seeds(points.points_in_world, config)
+    tree = cKDTree(points.points_in_world[:, :2])
+    proposals = [_proposal(points, tree, seed, free, config) for seed in seeds]
+    waiting = {n: proposal for n, proposal in enumerate(proposals) if proposal is not None}
+    found: list[WallLine] = []
+    while waiting:
+        best = max(waiting, key=lambda n: (waiting[n][0], -n))
+        score = waiting[best][0]
+        fresh = _proposal(points, tree, seeds[best], free, config)
+        if fresh is None:
+            del waiting[best]
+            continue
+        if fresh[0] < score - 1e-9:  # some of its points are gone: it queues again
+            waiting[best] = fresh
+            continue
+        del waiting[best]
+        grown = _grown(points, seeds[best], fresh[1], free, config)
+        if grown is not None:
+            found.append(grown)
+            free[grown.members] = False
+    return found
+
+
+def fit_line(
+    points: FloatArray, weights: FloatArray, outward: FloatArray
+) -> tuple[PlanLine, float]:
+    """The line (total least squares) of points (N, 2+) and their RMS distance in metres.
+
+    Its outside is on the side of ``outward``.
+    """
+    share = weights / weights.sum()
+    middle: FloatArray = share @ points[:, :2]
+    rest = points[:, :2] - middle
+    values, vectors = np.linalg.eigh((rest * share[:, None]).T @ rest)
+    normal = vectors[:, 0] * (1.0 if vectors[:, 0] @ outward >= 0 else -1.0)
+    return PlanLine(middle, normal), float(np.sqrt(max(values[0], 0.0)))
+
+
+def _seeds(points: FloatArray, config: PlaneConfig) -> list[FloatArray]:
+    """Places (2,) in plan where points occupy enough rows above one another."""
+    cells = np.unique(np.floor(points / config.cell_m).astype(np.int64), axis=0)
+    columns, start, rows = np.unique(cells[:, :2], axis=0, return_index=True, return_counts=True)
+    del start
+    tall = columns[rows >= config.seed_rows]
+    return list((tall + 0.5) * config.cell_m)
+
+
+def _proposal(
+    points: WallPoints,
+    tree: cKDTree,
+    seed: FloatArray,
+    free: NDArray[np.bool_],
+    config: PlaneConfig,
+) -> tuple[float, PlanLine] | None:
+    """Weight of the points on the best line near a seed, and the line; None where there is none."""
+    near = np.array(tree.query_ball_point(seed, config.seed_radius_m), dtype=np.intp)
+    near = near[free[near]]
+    if len(near) < 8:
+        return None
+    gap = points.points_in_world[near, :2] - seed
+    angles = np.deg2rad(np.arange(0.0, 180.0, config.seed_step_deg))
+    normals = np.stack([np.cos(angles), np.sin(angles)])
+    width = 2 * config.inlier_m
+    reach = int(np.ceil(config.cell_m / width)) + 1
+    offset = np.floor(gap @ normals / width).astype(np.intp)  # (n, A)
+    inside = np.abs(offset + 0.5) < reach
+    bins = (offset + reach) * len(angles) + np.arange(len(angles))
+    weight = np.broadcast_to(points.weights[near][:, None], bins.shape)
+    votes = np.bincount(bins[inside], weights=weight[inside], minlength=2 * reach * len(angles))
+    best = int(votes.argmax())
+    score = float(votes[best])
+    if score < config.seed_rows:
+        return None
+    row, column = divmod(best, len(angles))
+    foot = seed + (row - reach + 0.5) * width * normals[:, column]
+    return score, PlanLine(foot, normals[:, column])
+
+
+def _grown(
+    points: WallPoints,
+    seed: FloatArray,
+    line: PlanLine,
+    free: NDArray[np.bool_],
+    config: PlaneConfig,
+) -> WallLine | None:
+    """The line after it took in all points that go on along it; None where too few do."""
+    candidates = np.flatnonzero(free)
+    places, weights = points.points_in_world[candidates], points.weights[candidates]
+    reach, count = config.seed_radius_m, 0
+    while True:
+        for _ in range(_REFITS):
+            along, front = line.coordinates(places).T
+            centre = float(line.coordinates(seed)[0])
+            on = (np.abs(front) <= config.inlier_m) & (np.abs(along - centre) <= reach)
+            if on.sum() < config.min_points // 2:
+                return None
+            line, _ = fit_line(places[on], weights[on], line.outward)
+        if int(on.sum()) <= count:
+            break
+        count, reach = int(on.sum()), reach * _GROWTH
+        # A reach beyond the points is no use, and beyond a gap it would fit another wall.
+        along, front = line.coordinates(places).T
+        centre = float(line.coordinates(seed)[0])
+        left, right = _unbroken(along[np.abs(front) <= config.inlier_m], centre, config.gap_m)
+        reach = min(reach, max(centre - left, right - centre) + config.cell_m)
+    along, front = line.coordinates(places).T
+    centre = float(line.coordinates(seed)[0])
+    close = np.abs(front) <= config.inlier_m
+    left, right = _unbroken(along[close], centre, config.gap_m)
+    on = close & (along >= left) & (along <= right)
+    if on.sum() < config.min_points // 2:
+        return None
+    line, _ = fit_line(places[on], weights[on], line.outward)
+    members = candidates[on]
+    if _cameras_behind(points, members, line):
+        line = line.flipped()
+    return WallLine(line, members)
+
+
+def _unbroken(along: FloatArray, centre: float, gap_m: float) -> tuple[float, float]:
+    """Ends of the run of positions around the centre without a gap of more than gap_m."""
+    order = np.sort(along)
+    if not len(order):
+        return centre, centre
+    nearest = int(np.abs(order - centre).argmin())
+    breaks = np.flatnonzero(np.diff(order) > gap_m)
+    first = int(breaks[breaks < nearest].max(initial=-1)) + 1
+    last = int(breaks[breaks >= nearest].min(initial=len(order) - 1))
+    return float(order[first]), float(order[last])
+
+
+def _cameras_behind(points: WallPoints, members: IntArray, line: PlanLine) -> bool:
+    """Whether most sights of the points come from behind the line."""
+    front = line.coordinates(points.centres_in_world)[:, 1]
+    views = points.views_of(members)
+    return bool(views @ np.sign(front) < 0)
