@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from tests.scenes.recessed import BALCONY_DEPTH_M, rendered
+from tests.scenes.recessed import rendered
 
 from si3fp.config import MeasureConfig
 from si3fp.errors import InputError
 from si3fp.model import OrthoImage
-from si3fp.windows.depth import depth_recesses, find_balconies, in_front, wall_depth
+from si3fp.windows.depth import depth_recesses, in_front, wall_depth
 
 CONFIG = MeasureConfig()
 CAMERAS = {name: np.array([x, 3.0, 7.0]) for name, x in (("a", 2.0), ("b", 4.0), ("c", 6.0))}
@@ -106,56 +106,3 @@ def test_no_windows_and_no_depth():
     assert wall_depth(blind.ortho) == 0.0
     assert not in_front(blind.ortho, 0.0).any()
     assert all(estimate.recess_m is None for estimate in recesses(blind))
-
-
-DOOR_PX = np.array([[340.0, 180, 440, 395]])
-FRONT = (2.6, 5.2, 1.8, 2.9)
-
-
-def balconies(front, doors=DOOR_PX, noise_m=0.0):
-    render = rendered([], 0.1, CAMERAS, balconies=[front], noise_m=noise_m)
-    return find_balconies(render.ortho, doors, 0.0, render.grid.m_per_px)
-
-
-def test_a_balcony_is_found_by_its_depth():
-    found, (words,) = balconies(FRONT, noise_m=0.05)
-    assert found.boxes_px == pytest.approx(np.array([[260, 310, 520, 420]]), abs=2)
-    assert found.labels.tolist() == ["balcony"]
-    assert f"{BALCONY_DEPTH_M:.1f} m in front" in words
-
-
-@pytest.mark.parametrize(
-    "front",
-    [(3.5, 4.1, 1.8, 2.9), (2.6, 5.2, 2.4, 2.9), (2.6, 5.2, 0.2, 2.9)],
-    ids=["narrow", "flat", "high"],
-)
-def test_what_has_not_the_size_of_a_balcony_is_none(front):
-    assert len(balconies(front)[0]) == 0
-
-
-@pytest.mark.parametrize(
-    "doors",
-    [
-        np.zeros((0, 4)),
-        DOOR_PX + np.array([300, 0, 300, 0]),
-        DOOR_PX - np.array([0, 150, 0, 150]),
-        [[340, 260, 440, 395]],
-    ],
-    ids=["none", "beside", "far above", "too low"],
-)
-def test_a_balcony_has_a_door(doors):
-    assert len(balconies(FRONT, np.asarray(doors))[0]) == 0
-
-
-def test_a_rail_of_bars_is_a_balcony_and_a_bush_is_none():
-    render = rendered([], 0.1, CAMERAS)
-    bars = render.ortho.depth_m.copy()
-    bars[400:420, 260:520] = BALCONY_DEPTH_M
-    bars[310:400, 260:520:10] = bars[310:400, 261:520:10] = BALCONY_DEPTH_M
-    bars[310:315, 260:520] = BALCONY_DEPTH_M
-    found, _ = find_balconies(changed(render, bars).ortho, DOOR_PX, 0.0, 0.01)
-    assert found.boxes_px == pytest.approx(np.array([[260, 310, 520, 420]]), abs=8)
-    row, column = np.mgrid[0:600, 0:800]
-    ball = (row - 370.0) ** 2 + (column - 390.0) ** 2
-    bush = np.where((ball < 75**2) & (ball > 50**2), BALCONY_DEPTH_M, 0).astype(np.float32)
-    assert len(find_balconies(changed(render, bush).ortho, DOOR_PX, 0.0, 0.01)[0]) == 0

@@ -1,4 +1,4 @@
-"""M.1: what the depth of an orthographic render tells: balconies, recesses, what hides the wall.
+"""M.1: what the depth of an orthographic render tells of its wall and the recesses in it.
 
 Depth is metres in front of the facade plane. All is compared with the wall itself, which may lie
 some centimetres off that plane.
@@ -6,15 +6,13 @@ some centimetres off that plane.
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from si3fp.config import MeasureConfig
 from si3fp.errors import InputError
 from si3fp.geometry.rigid import FloatArray
-from si3fp.model import Detections, OrthoImage
-from si3fp.windows.measure import BALCONY_DOOR_HEIGHT_M
+from si3fp.model import OrthoImage
 from si3fp.windows.recess import (
     ALIKE,
     BORDER_M,
@@ -30,16 +28,6 @@ WALL_WITHIN_M = 0.3
 """The wall lies this near to the facade plane."""
 IN_FRONT_M = 0.4
 """What stands so far in front of the wall is no wall and no window of it."""
-BALCONY_M = 0.6
-"""Balconies stand out at least so far: one can stand on them."""
-BALCONY_WIDTH_M = 0.8
-"""Least width of a balcony."""
-BALCONY_HEIGHT_M = (0.6, 1.6)
-"""Height of a balcony's front from the underside of its slab to the rail."""
-BALCONY_FILL = 0.6
-"""Share of its box that a balcony's front takes; trees take less."""
-RAIL_GAP_M = 0.12
-"""Gaps between the bars of a rail are closed, and what is thinner than this is left out."""
 FRAME_M = 0.10
 """Width of the strip inside a window's border where its frame is looked for."""
 KNOWN_SHARE = 0.5
@@ -52,84 +40,46 @@ MEDIAN_ERROR = 1.25
 """Standard deviation of a median over that of a mean."""
 
 
-def wall_depth(ortho: OrthoImage) -> float:
-    """Metres by which the wall lies in front of the facade plane; 0 where no depth is known.
+def known_depth(ortho: OrthoImage) -> FloatArray:
+    """(H, W) depth where the image is valid, NaN elsewhere.
 
     Raises
     ------
     InputError
         If the image has no depth.
     """
-    depth_m = _known_depth(ortho)
+    if ortho.depth_m is None:
+        raise InputError(
+            f"Orthographic image {ortho.source} has no depth; render it with depth or parse its "
+            "views."
+        )
+    return np.where(ortho.valid, ortho.depth_m, np.nan).astype(np.float64)
+
+
+def wall_depth(ortho: OrthoImage) -> float:
+    """Metres by which the wall lies in front of the facade plane; 0 where no depth is known."""
+    depth_m = known_depth(ortho)
     near = depth_m[np.abs(depth_m) < WALL_WITHIN_M]
     return float(np.median(near)) if len(near) else 0.0
 
 
 def in_front(ortho: OrthoImage, wall_m: float) -> NDArray[np.bool_]:
     """(H, W) where something stands in front of the wall: balconies, trees, other buildings."""
-    depth_m = _known_depth(ortho)
+    depth_m = known_depth(ortho)
     hides: NDArray[np.bool_] = depth_m - wall_m > IN_FRONT_M
     return hides
 
 
+def part_of(box_px: FloatArray) -> tuple[slice, slice]:
+    """Rows and columns of the whole pixels next to a box (4,)."""
+    left, top, right, bottom = np.maximum(np.round(box_px).astype(int), 0)
+    return slice(top, bottom), slice(left, right)
+
+
 def share_within(mask: NDArray[np.bool_], box_px: FloatArray) -> float:
     """Share of a box (4,) where a mask is True; 0 for a box off the image."""
-    part = mask[_part(box_px)]
+    part = mask[part_of(box_px)]
     return float(part.mean()) if part.size else 0.0
-
-
-def find_balconies(
-    ortho: OrthoImage, openings_px: FloatArray, wall_m: float, m_per_px: float
-) -> tuple[Detections, tuple[str, ...]]:
-    """Balconies by their depth, from left to right, and what speaks for each in words.
-
-    Parameters
-    ----------
-    ortho
-        Image with depth.
-    openings_px
-        (N, 4) boxes of openings: a balcony has one above its front that is a door with its foot
-        hidden or seen.
-    wall_m
-        Depth of the wall.
-    m_per_px
-        Resolution.
-
-    Notes
-    -----
-    The score is the share of the box that stands out, 0.6 to 1.
-    """
-    depth_m = _known_depth(ortho)
-    out = (depth_m - wall_m > BALCONY_M).astype(np.uint8)
-    side = 2 * round(RAIL_GAP_M / m_per_px / 2) + 1
-    kernel = np.ones((side, side), np.uint8)
-    closed = cv2.morphologyEx(out, cv2.MORPH_CLOSE, kernel, borderValue=0)
-    opened = cv2.morphologyEx(closed, cv2.MORPH_OPEN, kernel, borderValue=0)
-    count, regions, stats, _ = cv2.connectedComponentsWithStats(opened)
-    found = []
-    for number in range(1, count):
-        left, top, width, height, area = (int(value) for value in stats[number])
-        box = np.array([left, top, left + width, top + height], np.float64)
-        fill = area / (width * height)
-        low_m, high_m = BALCONY_HEIGHT_M
-        if (
-            width * m_per_px < BALCONY_WIDTH_M
-            or not low_m <= height * m_per_px <= high_m
-            or fill < BALCONY_FILL
-            or not _door_above(box, openings_px, m_per_px)
-        ):
-            continue
-        ahead_m = float(np.nanmedian(depth_m[regions == number])) - wall_m
-        words = (
-            f"balcony {width * m_per_px:.1f} m wide stands {ahead_m:.1f} m in front of the wall, "
-            "below a door"
-        )
-        found.append((box, fill, words))
-    found.sort(key=lambda each: (each[0][0], each[0][1]))
-    boxes = np.array([box for box, _, _ in found]).reshape(-1, 4)
-    scores = np.array([score for _, score, _ in found])
-    labels = np.full(len(found), "balcony")
-    return Detections(boxes, scores, labels), tuple(words for _, _, words in found)
 
 
 def depth_recesses(
@@ -158,7 +108,7 @@ def depth_recesses(
     itself.
     """
     boxes = np.asarray(boxes_px, np.float64).reshape(-1, 4)
-    depth_m = _known_depth(ortho)
+    depth_m = known_depth(ortho)
     depth_m = np.where(depth_m - wall_m > IN_FRONT_M, np.nan, depth_m)
     walls = np.array([_wall_around(depth_m, box, boxes, wall_m, m_per_px) for box in boxes])
     own = [
@@ -188,44 +138,18 @@ def depth_recesses(
     return tuple(estimates)
 
 
-def _known_depth(ortho: OrthoImage) -> FloatArray:
-    """(H, W) depth where it is valid, NaN elsewhere."""
-    if ortho.depth_m is None:
-        raise InputError(
-            f"Orthographic image {ortho.source} has no depth; render it with depth or parse its "
-            "views."
-        )
-    return np.where(ortho.valid, ortho.depth_m, np.nan).astype(np.float64)
-
-
-def _part(box_px: FloatArray) -> tuple[slice, slice]:
-    left, top, right, bottom = np.maximum(np.round(box_px).astype(int), 0)
-    return slice(top, bottom), slice(left, right)
-
-
-def _door_above(balcony: FloatArray, openings_px: FloatArray, m_per_px: float) -> bool:
-    """Whether an opening rises from behind a balcony's front to the height of a door."""
-    left, top, right, bottom = balcony
-    near_px = 0.3 / m_per_px
-    for o_left, o_top, o_right, o_bottom in np.asarray(openings_px).reshape(-1, 4):
-        covered = min(right, o_right) - max(left, o_left)
-        stands_in = top - near_px < o_bottom < bottom + near_px
-        tall = (bottom - o_top) * m_per_px >= BALCONY_DOOR_HEIGHT_M
-        if covered > 0.5 * (o_right - o_left) and stands_in and tall:
-            return True
-    return False
-
-
 def _wall_around(
     depth_m: FloatArray, box: FloatArray, boxes: FloatArray, usual_m: float, m_per_px: float
 ) -> float:
     """Depth of the wall in the ring around a window, the usual one if the ring tells too little."""
     near, far = SURROUND_M / m_per_px, (SURROUND_M + RING_M) / m_per_px
     outwards = np.array([-1.0, -1.0, 1.0, 1.0])
-    rows, columns = _part(box + far * outwards)
+    rows, columns = part_of(box + far * outwards)
     ring = depth_m[rows, columns].copy()
     for other in boxes:
-        inner_rows, inner_columns = _part(other + near * outwards - [columns.start, rows.start] * 2)
+        inner_rows, inner_columns = part_of(
+            other + near * outwards - [columns.start, rows.start] * 2
+        )
         ring[inner_rows, inner_columns] = np.nan
     near_wall = ring[np.abs(ring - usual_m) < WALL_WITHIN_M]
     area = (far - near) * float((box[2:] - box[:2]).sum())
@@ -248,7 +172,7 @@ def _own_recess(
     )
     told = []
     for part in parts:
-        area = depth_m[_part(np.array(part))]
+        area = depth_m[part_of(np.array(part))]
         known = area[np.isfinite(area)]
         if not area.size or len(known) <= KNOWN_SHARE * area.size:
             continue

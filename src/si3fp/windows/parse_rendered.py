@@ -12,11 +12,11 @@ from si3fp.geometry.boxes import iou_matrix
 from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Detections, OrthoImage, Window
+from si3fp.windows.balcony import complete_doors, find_balconies
 from si3fp.windows.bias import render_lever
 from si3fp.windows.depth import (
     IN_FRONT_M,
     depth_recesses,
-    find_balconies,
     in_front,
     share_within,
     wall_depth,
@@ -28,8 +28,10 @@ from si3fp.windows.parse import ParsedFacade, find_windows, interval_of, of_labe
 from si3fp.windows.recess import UNKNOWN_RECESS, RecessEstimate
 
 HALF = 0.5
-"""Share of a window that a photo must see to count as a view of it, and of a box that must stand
-in front of the wall to be no window of it."""
+"""Share of a window that a photo must see to count as a view of it."""
+MOSTLY = 0.7
+"""Share of a box that stands in front of the wall from which it is no window of it; a front hides
+the lower half of a door."""
 
 
 def parse_rendered(
@@ -78,6 +80,7 @@ def parse_rendered(
     balconies = _joined(deep, of_label(found, "balcony"), fusion)
     sure = balconies.scores >= detector.thresholds["balcony"]
     sure[: len(deep)] = True
+    shows = ortho.valid & ~hides
 
     def recess_of(boxes_px: FloatArray) -> Sequence[RecessEstimate]:
         if not measure.measure_recess:
@@ -88,6 +91,7 @@ def parse_rendered(
         these: FusedDetections, recesses: Sequence[RecessEstimate] | None
     ) -> tuple[Window, ...]:
         depths = (UNKNOWN_RECESS,) * len(these.views) if recesses is None else recesses
+        these = complete_doors(these, deep, shows, grid.m_per_px)
         levers = [
             render_lever(box, recess, ortho, wall_m, _at(views, cameras_in_facade), grid, measure)
             for box, recess, views in zip(
@@ -101,7 +105,7 @@ def parse_rendered(
     windows = find_windows(
         FusedDetections(boxes, tuple(_views(box, seen_from, grid) for box in boxes.boxes_px)),
         ortho,
-        (ortho.valid & ~hides).astype(np.float32),
+        shows.astype(np.float32),
         grid,
         detector.thresholds["window"],
         measure,
@@ -125,7 +129,7 @@ def _on_the_wall(
 ) -> tuple[Detections, tuple[str, ...]]:
     """The boxes that do not lie on something in front of the wall, and which were left out."""
     share = np.array([share_within(hides, box) for box in boxes.boxes_px])
-    ahead = share > HALF
+    ahead = share > MOSTLY
     notes = []
     for box in boxes.boxes_px[ahead & (boxes.scores >= fusion.min_score)]:
         left, right, bottom, top = edges_from_box(box, grid)

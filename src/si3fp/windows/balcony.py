@@ -1,0 +1,153 @@
+"""M.1: balconies by the depth of a render, and the doors whose feet they hide."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from si3fp.geometry.rigid import FloatArray
+from si3fp.model import Detections, OrthoImage
+from si3fp.windows.depth import known_depth, share_within
+from si3fp.windows.fuse import FusedDetections
+from si3fp.windows.measure import BALCONY_DOOR_HEIGHT_M
+
+BALCONY_M = 0.6
+"""Balconies stand out at least so far: one can stand on them."""
+BALCONY_WIDTH_M = 0.8
+"""Least width of a balcony."""
+BALCONY_HEIGHT_M = (0.6, 1.6)
+"""Height of a balcony's front from the underside of its slab to the rail."""
+BALCONY_FILL = 0.6
+"""Share of its box that a balcony's front takes; trees take less."""
+RAIL_GAP_M = 0.12
+"""Gaps between the bars of a rail are closed, and what is thinner than this is left out."""
+SLAB_M = 0.2
+"""The floor above the underside of the slab, with the door's threshold."""
+SLAB_SIGMA_M = 0.08
+HIGHEST_DOOR_M = 3.2
+"""No door is higher; what begins farther above a balcony's slab belongs to the next storey."""
+NEAR_M = 0.3
+"""A door's box ends so near to the balcony's front or within it."""
+HALF = 0.5
+
+
+def find_balconies(
+    ortho: OrthoImage, openings_px: FloatArray, wall_m: float, m_per_px: float
+) -> tuple[Detections, tuple[str, ...]]:
+    """Balconies by their depth, from left to right, and what speaks for each in words.
+
+    Parameters
+    ----------
+    ortho
+        Image with depth.
+    openings_px
+        (N, 4) boxes of openings: a balcony has a door, whose head shows above its front unless
+        nobody could see it.
+    wall_m
+        Depth of the wall.
+    m_per_px
+        Resolution.
+
+    Notes
+    -----
+    The score is the share of the box that stands out, from `BALCONY_FILL` to 1.
+    """
+    depth_m = known_depth(ortho)
+    out = (depth_m - wall_m > BALCONY_M).astype(np.uint8)
+    side = 2 * round(RAIL_GAP_M / m_per_px / 2) + 1
+    kernel = np.ones((side, side), np.uint8)
+    closed = cv2.morphologyEx(out, cv2.MORPH_CLOSE, kernel, borderValue=0)
+    opened = cv2.morphologyEx(closed, cv2.MORPH_OPEN, kernel, borderValue=0)
+    count, regions, stats, _ = cv2.connectedComponentsWithStats(opened)
+    found = []
+    for number in range(1, count):
+        left, top, width, height, area = (int(value) for value in stats[number])
+        box = np.array([left, top, left + width, top + height], np.float64)
+        fill = area / (width * height)
+        low_m, high_m = BALCONY_HEIGHT_M
+        if width * m_per_px < BALCONY_WIDTH_M or fill < BALCONY_FILL:
+            continue
+        if not low_m <= height * m_per_px <= high_m:
+            continue
+        above = np.array([left, box[3] - BALCONY_DOOR_HEIGHT_M / m_per_px, box[2], top])
+        if len(_doors_of(box, openings_px, ortho.valid, m_per_px)):
+            door = "below a door"
+        elif share_within(~ortho.valid, above) > HALF:
+            door = "and what is above it was not seen"
+        else:
+            continue
+        ahead_m = float(np.nanmedian(depth_m[regions == number])) - wall_m
+        at = f"balcony {width * m_per_px:.1f} m wide stands {ahead_m:.1f} m in front of the wall"
+        found.append((box, fill, f"{at}, {door}"))
+    found.sort(key=lambda each: (each[0][0], each[0][1]))
+    boxes = np.array([box for box, _, _ in found]).reshape(-1, 4)
+    scores = np.array([score for _, score, _ in found])
+    labels = np.full(len(found), "balcony")
+    return Detections(boxes, scores, labels), tuple(words for _, _, words in found)
+
+
+def complete_doors(
+    found: FusedDetections,
+    balconies: Detections,
+    wall_seen: NDArray[np.bool_],
+    m_per_px: float,
+) -> FusedDetections:
+    """The same openings, doors of balconies completed down to the floor that a front hides.
+
+    Parameters
+    ----------
+    found
+        Openings.
+    balconies
+        From `find_balconies`: their boxes end at the underside of the slab.
+    wall_seen
+        (H, W) where the wall or what is set into it shows.
+    m_per_px
+        Resolution.
+
+    Notes
+    -----
+    One opening alone above a balcony is its door. Of several, nothing says which are doors and
+    which end at a sill behind the front, so these stay as they show.
+    """
+    boxes = found.detections.boxes_px.copy()
+    sigma = found.detections.edge_sigma_px.copy()
+    notes = list(found.notes)
+    for balcony in balconies.boxes_px:
+        doors = _doors_of(balcony, boxes, wall_seen, m_per_px)
+        floor = balcony[3] - SLAB_M / m_per_px
+        if len(doors) != 1 or boxes[doors[0], 3] >= floor:
+            continue
+        door = int(doors[0])
+        boxes[door, 3], sigma[door, 3] = floor, SLAB_SIGMA_M / m_per_px
+        words = "foot hidden by a balcony, completed to its floor"
+        notes[door] = f"{notes[door]}; {words}" if notes[door] else words
+    detections = replace(found.detections, boxes_px=boxes, edge_sigma_px=sigma)
+    return FusedDetections(detections, found.views, tuple(notes))
+
+
+def _doors_of(
+    balcony: FloatArray, openings_px: FloatArray, seen: NDArray[np.bool_], m_per_px: float
+) -> NDArray[np.intp]:
+    """Indices of the openings (N, 4) that rise from behind a balcony's front to a door's height.
+
+    Between opening and front no wall shows.
+    """
+    left, top, right, bottom = balcony
+    doors = []
+    for index, (o_left, o_top, o_right, o_bottom) in enumerate(openings_px):
+        covered = min(right, o_right) - max(left, o_left)
+        height_m = (bottom - o_top) * m_per_px
+        between = np.array([o_left, o_bottom, o_right, top])
+        if (
+            covered > HALF * (o_right - o_left)
+            and BALCONY_DOOR_HEIGHT_M <= height_m <= HIGHEST_DOOR_M
+            and o_top < top
+            and o_bottom < bottom + NEAR_M / m_per_px
+            and (top - o_bottom < NEAR_M / m_per_px or share_within(seen, between) < HALF)
+        ):
+            doors.append(index)
+    return np.array(doors, np.intp)
