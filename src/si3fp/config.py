@@ -140,6 +140,7 @@ class RadianceConfig:
     margin_m: float = 0.3  # decision: the field goes on beyond the rectangle
     min_standoff_m: float = 2.0  # decision: photos nearer to the plane or behind it are left out
     min_seen: float = 0.01  # decision: share of the wall that a photo must show
+    max_photos: int = 60  # decision: those that show the wall best
     min_photos_to_hold_out: int = 8  # decision: fewer are all needed for training
     photos_mib: int = 512  # memory for pixels; more are averaged down
     entries_per_px: float = 0.6  # decision: rows per level of the hash table and ortho pixel
@@ -170,6 +171,8 @@ class RadianceConfig:
     refresh_every: int = 32
     forget: float = 0.97  # decision: per sample in a cell
     threshold_per_m: float = 0.5  # decision: a cell below this density is empty
+    held_out_pixels: int = 20_000
+    before_surface_m: float = 0.06  # decision: a surface does not hide itself
     threads: int = 2
 
 
@@ -336,6 +339,12 @@ class PhotoConfig:
     """The Camera2D path."""
 
     seed: int = 0
+    renderer: str = "radiance"  # or "mosaic": photos blended on the wall's plane
+    sfm: SfmConfig = field(default_factory=SfmConfig)
+    world: WorldConfig = field(default_factory=WorldConfig)
+    planes: PlaneConfig = field(default_factory=PlaneConfig)
+    mosaic: MosaicConfig = field(default_factory=MosaicConfig)
+    radiance: RadianceConfig = field(default_factory=RadianceConfig)
     ortho: OrthoConfig = field(default_factory=OrthoConfig)
     facade_box: FacadeBoxConfig = field(default_factory=FacadeBoxConfig)
     fusion: FusionConfig = field(default_factory=FusionConfig)
