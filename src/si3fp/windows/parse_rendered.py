@@ -21,6 +21,7 @@ from si3fp.windows.depth import (
     share_within,
     wall_depth,
 )
+from si3fp.windows.depth_edges import edges_by_depth
 from si3fp.windows.detect import WindowDetector
 from si3fp.windows.fuse import FusedDetections
 from si3fp.windows.measure import edges_from_box, measure_windows
@@ -91,6 +92,8 @@ def parse_rendered(
         these: FusedDetections, recesses: Sequence[RecessEstimate] | None
     ) -> tuple[Window, ...]:
         depths = (UNKNOWN_RECESS,) * len(these.views) if recesses is None else recesses
+        if measure.refine:
+            these = edges_by_depth(these, depths, ortho, grid.m_per_px)
         these = complete_doors(these, deep, shows, grid.m_per_px)
         levers = [
             render_lever(box, recess, ortho, wall_m, _at(views, cameras_in_facade), grid, measure)
