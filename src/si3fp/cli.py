@@ -10,15 +10,16 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, TypeVar
 
 import click
 
 import si3fp
-from si3fp.config import StreetConfig
+from si3fp.config import PhotoConfig, SfmConfig, StreetConfig
 from si3fp.demo import run_demo
 from si3fp.errors import Si3fpError
-from si3fp.pipeline import run_street
+from si3fp.geometry.enu import GeoOrigin
+from si3fp.pipeline import Run, run_photos, run_street
 from si3fp.report.console import progress_bars, progress_lines, summary
 from si3fp.report.evaluation_table import evaluation_table
 from si3fp.report.map_layer import write_map_layer
@@ -26,6 +27,7 @@ from si3fp.report.picture_overlays import overlay_files, write_overlays
 from si3fp.report.run_report import write_report
 from si3fp.steps import (
     Circle,
+    PhotoFiles,
     check_photos,
     detect_pictures,
     evaluate_model,
@@ -38,6 +40,8 @@ EXIT_PART_FAILED = 3
 EXIT_INTERRUPTED = 130
 
 a_path = click.Path(path_type=Path)
+
+Config = TypeVar("Config", StreetConfig, PhotoConfig)
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -85,17 +89,9 @@ def street(
 
     PANORAMAS is a GeoJSON list or a folder of Photo Sphere JPEGs.
     """
-    config = StreetConfig(seed=seed)
-    if m_per_px is not None:
-        if not 0.002 <= m_per_px <= 0.2:
-            raise click.BadParameter("from 0.002 to 0.2 metres", param_hint="--m-per-px")
-        config = replace(config, ortho=replace(config.ortho, m_per_px=m_per_px))
-    if country is not None:
-        config = replace(config, thermal=replace(config.thermal, country=country))
-    if no_recess_correction:
-        config = replace(config, measure=replace(config.measure, correct_recess=False))
-    if no_inferred:
-        config = replace(config, measure=replace(config.measure, infer=False))
+    config = _with_options(
+        StreetConfig(seed=seed), m_per_px, country, no_recess_correction, no_inferred
+    )
     with progress_bars() as progress:
         run = run_street(
             panoramas,
@@ -107,23 +103,97 @@ def street(
             overwrite=overwrite,
             progress=progress,
         )
-    write_map_layer(run)
-    write_report(out)
-    click.echo(summary(out))
-    if run.failed:
-        sys.exit(EXIT_PART_FAILED)
+    _finish(run, out)
 
 
 @verbs.command()
 @click.argument("folder", type=a_path)
-@click.option("--check", is_flag=True, required=True, expose_value=False, help="Check the photos.")
-@click.option("-o", "--out", type=a_path, help="Write the figures as JSON.")
-@click.option("--overwrite", is_flag=True, help="Replace an earlier result.")
-def photos(folder: Path, out: Path | None, overwrite: bool) -> None:
-    """Check photos of a building: which to retake, and where some are missing (step C.1).
+@click.option("--check", is_flag=True, help="Only check the photos (step C.1); -o is a JSON file.")
+@click.option("-o", "--out", type=a_path, help="Folder of the run.")
+@click.option("--triangle", type=a_path, help="Measured distances between places of photos: JSON.")
+@click.option("--cameras", type=a_path, metavar="DIR", help="Known cameras: COLMAP's text files.")
+@click.option(
+    "--origin",
+    type=(float, float, float),
+    metavar="LAT LON HEIGHT",
+    help="Where the known cameras' frame has its zero, x being east and y north.",
+)
+@click.option("--footprints", type=a_path, help="Footprints: GeoJSON or GeoPackage.")
+@click.option(
+    "--column",
+    "columns",
+    multiple=True,
+    metavar="NAME=SPELLING",
+    help="Another spelling of a footprint property, for example height_m=HOEHE.",
+)
+@click.option("--unscaled", is_flag=True, help="Go on without a scale: ratios and pictures only.")
+@click.option(
+    "--renderer",
+    type=click.Choice(["radiance", "mosaic"]),
+    default=PhotoConfig().renderer,
+    show_default=True,
+    help="A radiance field with depth, or photos blended on the wall's plane.",
+)
+@click.option(
+    "--mapper",
+    type=click.Choice(["incremental", "global"]),
+    default=SfmConfig().mapper,
+    show_default=True,
+    help="How COLMAP finds the poses.",
+)
+@click.option("--m-per-px", type=float, help="Resolution of the facades (default 0.02).")
+@click.option("--country", help="Country of the thermal tables (default SE).")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option("--no-recess-correction", is_flag=True, help="Leave window edges as they appear.")
+@click.option("--no-inferred", is_flag=True, help="Add no windows that only rows and columns tell.")
+@click.option("--overwrite", is_flag=True, help="Replace what the folder holds.")
+def photos(
+    folder: Path,
+    check: bool,
+    out: Path | None,
+    triangle: Path | None,
+    cameras: Path | None,
+    origin: tuple[float, float, float] | None,
+    footprints: Path | None,
+    columns: tuple[str, ...],
+    unscaled: bool,
+    renderer: str,
+    mapper: str,
+    m_per_px: float | None,
+    country: str | None,
+    seed: int,
+    no_recess_correction: bool,
+    no_inferred: bool,
+    overwrite: bool,
+) -> None:
+    """Photos of a building to a thermal model (steps C.1 to C.3, M.1, M.2).
 
-    FOLDER holds JPEGs or PNGs, named in the order in which they were taken.
+    FOLDER holds JPEGs or PNGs, named in the order in which they were taken. Scale: measured
+    distances (--triangle), GPS in the photos, or known cameras (--cameras).
     """
+    if check:
+        _check_photos(folder, out, overwrite)
+        return
+    if out is None:
+        raise click.UsageError("Give the folder of the run with -o, or --check.")
+    config = PhotoConfig(seed=seed, renderer=renderer)
+    config = replace(config, sfm=replace(config.sfm, mapper=mapper))
+    config = _with_options(config, m_per_px, country, no_recess_correction, no_inferred)
+    files = PhotoFiles(
+        folder=folder,
+        triangle=triangle,
+        cameras=cameras,
+        camera_origin=GeoOrigin(*origin) if origin else None,
+        footprints=footprints,
+        columns=_columns(columns),
+        unscaled=unscaled,
+    )
+    with progress_bars() as progress:
+        run = run_photos(files, out, config, overwrite=overwrite, progress=progress)
+    _finish(run, out)
+
+
+def _check_photos(folder: Path, out: Path | None, overwrite: bool) -> None:
     with progress_bars() as progress:
         done = check_photos(folder, out, overwrite=overwrite, progress=progress)
     click.echo(done.summary)
@@ -239,6 +309,37 @@ def info(run: Path, as_json: bool) -> None:
         click.echo(dump_json(read_json(Workspace(run).run_json)), nl=False)
     else:
         click.echo(summary(run))
+
+
+def _with_options(
+    config: Config,
+    m_per_px: float | None,
+    country: str | None,
+    no_recess_correction: bool,
+    no_inferred: bool,
+) -> Config:
+    """The constants with what the options of both paths change."""
+    if m_per_px is not None:
+        if not 0.002 <= m_per_px <= 0.2:
+            raise click.BadParameter("from 0.002 to 0.2 metres", param_hint="--m-per-px")
+        config = replace(config, ortho=replace(config.ortho, m_per_px=m_per_px))
+    if country is not None:
+        config = replace(config, thermal=replace(config.thermal, country=country))
+    measure = replace(
+        config.measure,
+        correct_recess=config.measure.correct_recess and not no_recess_correction,
+        infer=config.measure.infer and not no_inferred,
+    )
+    return replace(config, measure=measure)
+
+
+def _finish(run: Run, out: Path) -> None:
+    """Map layer, report, summary, exit code."""
+    write_map_layer(run)
+    write_report(out)
+    click.echo(summary(out))
+    if run.failed:
+        sys.exit(EXIT_PART_FAILED)
 
 
 def _circle(lat: float | None, lon: float | None, radius_m: float | None) -> Circle | None:

@@ -249,6 +249,7 @@ class PlaneConfig:
     edge_angle_deg: float = 10.0  # decision: plane to footprint edge
     edge_offset_m: float = 1.5  # decision: plane to footprint edge
     camera_height_m: float = 1.6  # decision: of a camera held at the eye
+    default_height_m: float = 9.0  # decision: of a building of which nothing tells the eaves
 
 
 @dataclass(frozen=True, slots=True)

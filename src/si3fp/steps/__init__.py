@@ -9,6 +9,17 @@ from si3fp.steps.evaluation import ModelEvaluation, evaluate_model
 from si3fp.steps.facades import find_facade
 from si3fp.steps.inputs import Circle, StreetInputs, claim, collect, run_key, street_record
 from si3fp.steps.models import build_models, simulate_run, write_run
+from si3fp.steps.photo_facades import find_photo_facade
+from si3fp.steps.photo_scene import (
+    PhotoFiles,
+    PhotoScene,
+    collect_photos,
+    find_poses,
+    make_scene,
+    photo_run_key,
+    photos_record,
+    write_sparse_cloud,
+)
 from si3fp.steps.pictures import Picture, detect_pictures, picture_files
 from si3fp.steps.rectified import Progress, make_views, plan, write_cloud
 
@@ -16,6 +27,8 @@ __all__ = [
     "CaptureCheck",
     "Circle",
     "ModelEvaluation",
+    "PhotoFiles",
+    "PhotoScene",
     "Picture",
     "Progress",
     "StreetInputs",
@@ -23,10 +36,16 @@ __all__ = [
     "check_photos",
     "claim",
     "collect",
+    "collect_photos",
     "detect_pictures",
     "evaluate_model",
     "find_facade",
+    "find_photo_facade",
+    "find_poses",
+    "make_scene",
     "make_views",
+    "photo_run_key",
+    "photos_record",
     "picture_files",
     "plan",
     "run_key",
@@ -34,4 +53,5 @@ __all__ = [
     "street_record",
     "write_cloud",
     "write_run",
+    "write_sparse_cloud",
 ]
