@@ -230,12 +230,12 @@ def test_two_centimetres_on_the_sides_are_covered_by_the_stated_sigma():
     rng = np.random.default_rng(1)
     inputs = small.in_reconstruction()
     hits = []
-    for _ in range(60):
+    for _ in range(40):
         result = level_and_scale(
             *inputs, distances=small.distances(*TRIANGLE, noise=rng.normal(0, 0.02, 3))
         )
         hits.append(abs(result.m_per_unit - M_PER_UNIT) <= 1.96 * result.sigma_m_per_unit)
-    assert np.mean(hits) > 0.86  # 95 % expected; 3 % is the standard deviation of 60 draws
+    assert np.mean(hits) > 0.84  # 95 % expected; 3.4 % is the standard deviation of 40 draws
     assert result.sigma_m_per_unit / M_PER_UNIT == pytest.approx(0.02 / 60, rel=0.2)
 
 
@@ -307,7 +307,7 @@ def test_noise_of_gps_is_covered_by_the_stated_sigmas():
     inputs = small.in_reconstruction()
     rng = np.random.default_rng(4)
     hits = {"scale": [], "heading": [], "place": []}
-    for _ in range(40):
+    for _ in range(25):
         result = level_and_scale(*inputs, gps=small.gps(3.0, rng), origin=ORIGIN)
         scale, _, heading_deg, _ = against(result, small)
         hits["scale"].append(abs(1 / scale - 1) * M_PER_UNIT <= 1.96 * result.sigma_m_per_unit)
@@ -318,7 +318,7 @@ def test_noise_of_gps_is_covered_by_the_stated_sigmas():
         )
         hits["place"] += (np.abs(off) <= 1.96 * result.position_sigma_m).tolist()
     for what, inside in hits.items():
-        assert np.mean(inside) > 0.83, what  # 95 % expected, 3.4 % the deviation of 40 draws
+        assert np.mean(inside) > 0.82, what  # 95 % expected, 4.4 % the deviation of 25 draws
 
 
 def test_without_footprints_the_origin_is_the_middle_of_the_photos_on_the_ground(street):
@@ -455,6 +455,24 @@ def test_footprints_far_from_gps_leave_it_in_charge():
     assert result.placed_by == "GPS"
     assert "agrees with GPS" in result.notes[-1]
     assert result.photos[0].centre_in_world == pytest.approx(level.photos[0].centre_in_world)
+
+
+def test_footprints_of_another_place_are_refused():
+    house = scene(OBLONG)
+    level = level_and_scale(*house.in_reconstruction(), gps=house.gps(1.0), origin=ORIGIN)
+    walls, outward, edges = walls_in(level, OBLONG, house)
+    with pytest.raises(InputError, match=r"were taken 9\d\d m from .* of the same building"):
+        place_on_map(level, walls, outward, edges + np.array([1000.0, 0.0]), ORIGIN)
+
+
+def test_ways_that_gps_cannot_tell_apart_are_told():
+    terrace = np.array(OBLONG.edges())
+    house = scene(OBLONG)
+    level = level_and_scale(*house.in_reconstruction(), gps=house.gps(3.0), origin=ORIGIN)
+    walls, outward, edges = walls_in(level, OBLONG, house)
+    edges = np.concatenate([edges, terrace + np.array([3.0, 0.0])])
+    result = place_on_map(level, walls, outward, edges, ORIGIN)
+    assert any("GPS cannot tell" in note for note in result.notes)
 
 
 # Known cameras

@@ -110,6 +110,7 @@ class WorldConfig:
     max_scale_factor: float = 1.5  # decision: between distances and GPS; more is a mistake
     max_heading_sigma_deg: float = 10.0  # decision: a north less sure than this is unknown
     min_fit: float = 0.6  # decision: score of walls on footprints near the place by GPS
+    max_footprint_distance_m: float = 200.0  # decision: farther from the photos is elsewhere
     camera_height_m: float = 1.6  # decision: of hand-held cameras above the ground
     min_high_m: float = 3.0  # decision: points so far below tell of a drone or upper floor
     wall_tolerance: float = 0.01  # decision: of a wall's points, share of the typical distance

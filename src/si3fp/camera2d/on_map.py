@@ -20,6 +20,7 @@ GpsPosition = tuple[float, float, float | None]
 """Latitude and longitude in degrees (WGS 84), height in metres where it is known."""
 
 _SIGMAS = 3.0
+_CLEAR_LEAD = 0.1  # in score, as of a placement without GPS
 
 
 def places_in_plan(
@@ -49,12 +50,12 @@ def place_by_gps(
     origin: GeoOrigin | None,
     config: WorldConfig,
 ) -> PlacedReconstruction:
-    """The reconstruction turned and shifted to where GPS saw its cameras; its heights stay.
+    """The reconstruction turned and shifted to where GPS saw its cameras, its ground at z = 0.
 
     Parameters
     ----------
     level
-        In metres, the ground at z = 0.
+        In metres.
     gps
         Positions by photo id, of photos of ``level``.
     origin
@@ -68,7 +69,7 @@ def place_by_gps(
     """
     centres = {photo.id: photo.centre_in_world for photo in level.photos}
     if origin is None:
-        above_m = float(np.median([centres[name][2] for name in gps]))
+        above_m = float(np.median([centres[name][2] for name in gps])) - level.ground_z_m
         origin = middle_of(gps, above_m)
     places = places_in_plan(gps, origin)
     try:
@@ -97,7 +98,7 @@ def place_by_gps(
         "(median) from where GPS saw them."
     )
     return level.moved(
-        Rigid3(rotation, np.array([*fit.offset_m, 0.0])),
+        Rigid3(rotation, np.array([*fit.offset_m, -level.ground_z_m])),
         placed_by="GPS",
         heading_sigma_deg=fit.heading_sigma_deg,
         position_sigma_m=fit.centre_sigma_m,
@@ -135,7 +136,8 @@ def place_on_map(
     Raises
     ------
     InputError
-        If a wall or an edge has no length or a value is not finite.
+        If a wall or an edge has no length, a value is not finite, or the footprints are elsewhere
+        by GPS.
     ReconstructionError
         If the units are no metres, no way fits or several fit equally well; they are listed.
     """
@@ -147,20 +149,27 @@ def place_on_map(
             "A reconstruction without metres cannot be laid on footprints. Give measured distances "
             "(--triangle FILE), or leave out --footprints."
         )
-    placement: Placement | None
     if level.placed_by == "GPS":
-        placement = _near_gps(level, walls_in_world, outward_in_world, edges_in_world, config)
-        if placement is None:
+        _require_near(level, edges_in_world, config)
+        near = _near_gps(level, walls_in_world, outward_in_world, edges_in_world, config)
+        if not near:
             note = "No way to lay the walls on the footprints agrees with GPS; its place is kept."
             return replace(level, notes=(*level.notes, note))
+        placement, *others = near
     else:
-        placement = place_on_footprints(walls_in_world, outward_in_world, edges_in_world)
+        placement, others = (
+            place_on_footprints(walls_in_world, outward_in_world, edges_in_world),
+            [],
+        )
     sigma_m = float(np.max(placement.offset_sigma_m))
     on_edges = sum(edge >= 0 for edge in placement.edge_of_wall)
     fact = (
         f"Place and north: {on_edges} of {len(placement.edge_of_wall)} walls lie on edges of the "
         f"footprints, +- {sigma_m:.2f} m and {placement.heading_sigma_deg:.2f} degrees."
     )
+    notes = [
+        f"GPS cannot tell the place used from this one, nearly as good: {one}." for one in others
+    ]
     shift = placement.world_from_level.translation - [0.0, 0.0, level.ground_z_m]
     return level.moved(
         Rigid3(placement.world_from_level.rotation, shift),
@@ -169,7 +178,19 @@ def place_on_map(
         position_sigma_m=sigma_m,
         origin=origin,
         facts=(*level.facts, fact),
+        notes=(*level.notes, *notes),
     )
+
+
+def _require_near(level: PlacedReconstruction, edges: ArrayLike, config: WorldConfig) -> None:
+    corners = np.asarray(edges, dtype=np.float64).reshape(-1, 1, 2)
+    centres = np.stack([photo.centre_in_world[:2] for photo in level.photos])
+    nearest_m = float(np.linalg.norm(corners - centres, axis=2).min())
+    if nearest_m > config.max_footprint_distance_m:
+        raise InputError(
+            f"By GPS the photos were taken {nearest_m:,.0f} m from the nearest corner of the "
+            "footprints. Check that both are of the same building."
+        )
 
 
 def _near_gps(
@@ -178,15 +199,20 @@ def _near_gps(
     outward: ArrayLike,
     edges: ArrayLike,
     config: WorldConfig,
-) -> Placement | None:
-    """The best way that turns and moves the walls no farther than GPS may be wrong."""
+) -> list[Placement]:
+    """The ways that turn and move the walls no farther than GPS may be wrong, best first.
+
+    Those that fit clearly worse than the best are left out.
+    """
     centre = np.zeros(3)
     centre[:2] = np.asarray(walls, dtype=np.float64).reshape(-1, 2).mean(axis=0)
     reach_m = _SIGMAS * float(np.hypot(level.position_sigma_m or 0.0, config.gps_sigma_m))
     reach_deg = max(_SIGMAS * (level.heading_sigma_deg or 0.0), config.max_heading_sigma_deg)
-    for one in placement_hypotheses(walls, outward, edges):  # best first
-        turn_deg = abs((one.heading_deg + 180) % 360 - 180)
-        moved_m = float(np.linalg.norm(one.world_from_level.apply(centre)[:2] - centre[:2]))
-        if one.score >= config.min_fit and turn_deg <= reach_deg and moved_m <= reach_m:
-            return one
-    return None
+    near = [
+        one
+        for one in placement_hypotheses(walls, outward, edges)
+        if one.score >= config.min_fit
+        and abs((one.heading_deg + 180) % 360 - 180) <= reach_deg
+        and np.linalg.norm(one.world_from_level.apply(centre)[:2] - centre[:2]) <= reach_m
+    ]
+    return [one for one in near if one.score >= near[0].score - _CLEAR_LEAD]

@@ -164,7 +164,6 @@ def known_cameras(
         _require_z_up(up_in_world, config)
     centres = np.stack(list(known.centres.values()))
     ground_z_m, ground_notes = _ground_z_m(centres, points.points_in_world, config)
-    place = "; its x and y run anywhere" if origin is None else ", and place and north"
     return PlacedReconstruction(
         photos=known.photos,
         lenses=known.lenses,
@@ -179,7 +178,7 @@ def known_cameras(
         left_out=known.left_out,
         facts=(
             f"{len(known.photos)} photos, {len(points)} points.",
-            f"The known cameras give the scale and the vertical{place}.",
+            f"Known cameras give the scale, the vertical{'' if origin is None else ', the place'}.",
         ),
         notes=(*notes, *ground_notes),
     )
