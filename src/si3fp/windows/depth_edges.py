@@ -19,7 +19,7 @@ from si3fp.windows.recess import RecessEstimate
 
 LEAST_RECESS_M = 0.06
 """Shallower steps drown in the noise of a render's depth."""
-REACH_M = 0.2
+REACH_M = 0.4
 """How far a side may move."""
 PRIOR_SIGMA_M = 0.04
 """What colours may be off beside what they state: the width of a frame."""
@@ -126,7 +126,8 @@ def _step(
     off = np.where(expected > 0.99 * recess_m, np.minimum(off, 0), off)
     off = np.where(expected < 0.01 * recess_m, np.maximum(off, 0), off)
     square = np.minimum((np.nan_to_num(off) / NOISE_M) ** 2, LARGEST**2)
-    score = -0.5 * square.sum(axis=1) * m_per_px / PATCH_M - 0.5 * (moves / prior_px) ** 2
+    # A Cauchy prior: a box that missed the whole side is rare, but far off.
+    score = -0.5 * square.sum(axis=1) * m_per_px / PATCH_M - np.log1p((moves / prior_px) ** 2)
     weight = np.exp(score - score.max())
     weight /= weight.sum()
     mean = float((weight * moves).sum())
