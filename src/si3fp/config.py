@@ -163,14 +163,15 @@ class RadianceConfig:
     network_rate: float = 5e-3
     decay_from: float = 0.5  # decision: share of the budget after which rates fall
     final_rate: float = 0.03  # decision: to this share
-    first_step_px: float = 3.0  # decision: samples are this far apart at first
+    first_step_px: float = 5.0  # decision: samples are this far apart at first
     step_px: float = 0.75  # METHOD: at most 1.5 cm at 2 cm per pixel
     shorten_until: float = 0.2
     huber: float = 0.1  # decision: colour errors above this count linearly (0..1)
     spread_weight: float = 0.0
     prune_from: float = 0.04  # share of the budget after which empty cells are skipped
-    refresh_every: int = 32
-    forget: float = 0.97  # decision: per sample in a cell
+    prune_every: float = 0.025
+    keep: float = 0.6  # decision: of the densest value seen in a cell, each time
+    forget: float = 0.97  # decision: of that, per sample that falls into the cell
     threshold_per_m: float = 0.5  # decision: a cell below this density is empty
     held_out_pixels: int = 20_000
     before_surface_m: float = 0.06  # decision: a surface does not hide itself
@@ -258,6 +259,8 @@ class MosaicConfig:
     """C.3, photos blended on the facade's plane; visibility also serves the radiance field."""
 
     max_views: int = 20  # decision
+    photos_per_place: int = 6  # decision: the best vote; the castle's court was looked at
+    min_gain: float = 0.002  # decision: a photo that adds less to the facade's worth is left out
     max_obliqueness_deg: float = 72.0  # decision: viewing angle to the facade normal
     min_seen: float = 0.02  # decision: share of the facade that a photo must show
     min_photos: int = 2  # decision: what fewer photos see is masked

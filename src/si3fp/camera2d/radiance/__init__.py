@@ -1,0 +1,5 @@
+"""C.3: the radiance field of one wall, fitted on a CPU."""
+
+from si3fp.camera2d.radiance.field import FitReport, OrthoRendering, RadianceField
+
+__all__ = ["FitReport", "OrthoRendering", "RadianceField"]

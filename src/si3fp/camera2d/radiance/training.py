@@ -1,0 +1,247 @@
+"""Training of a radiance field: batches, two passes of kernels, Adam, occupancy, schedule."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from si3fp.camera2d.radiance.arrays import (
+    F32,
+    FEATURES,
+    I64,
+    LANES,
+    LEVELS,
+    MAX_BLOCKS,
+    Field,
+    Samples,
+)
+from si3fp.camera2d.radiance.gradients import adam, refresh, scatter, train_rays, visit
+from si3fp.camera2d.radiance.layout import FRONT, SLAB, FieldLayout
+from si3fp.camera2d.radiance.rays import TrainingPhotos
+from si3fp.camera2d.radiance.views import cell_densities, render_pixels
+from si3fp.config import RadianceConfig
+from si3fp.geometry.rigid import FloatArray
+
+PARTS = 16
+"""Parts of a batch; fixed, so that sums do not depend on the number of threads."""
+
+BETA1, BETA2, EPSILON = 0.9, 0.99, 1e-10
+
+
+@dataclass(slots=True)
+class AdamVector:
+    """Adam (Kingma and Ba 2015, arXiv:1412.6980) on one small array."""
+
+    mean: FloatArray
+    square: FloatArray
+    step: int = 0
+
+    @classmethod
+    def like(cls, values: NDArray[np.float32]) -> AdamVector:
+        """Moments of zero for these values."""
+        return cls(np.zeros(values.shape), np.zeros(values.shape))
+
+    def update(self, values: NDArray[np.float32], gradient: FloatArray, rate: float) -> None:
+        """Move the values in place."""
+        self.step += 1
+        self.mean += (1 - BETA1) * (gradient - self.mean)
+        self.square += (1 - BETA2) * (gradient**2 - self.square)
+        mean = self.mean / (1 - BETA1**self.step)
+        square = self.square / (1 - BETA2**self.step)
+        values -= (rate * mean / (np.sqrt(square) + EPSILON)).astype(np.float32)
+
+
+class Trainer:
+    """The state of a training: field, moments, occupancy, photos with their gains."""
+
+    def __init__(
+        self,
+        field: Field,
+        network: NDArray[np.float32],
+        layout: FieldLayout,
+        photos: TrainingPhotos,
+        points_m: FloatArray,
+        bounds: F32,
+        config: RadianceConfig,
+        rng: np.random.Generator,
+    ) -> None:
+        self.field, self.network, self.layout = field, network, layout
+        self.photos, self.bounds, self.config, self.rng = photos, bounds, config, rng
+        self.moments = np.zeros((len(field.table), 2, FEATURES), np.float32)
+        self.gradient = np.zeros_like(field.table)
+        self.value = np.zeros(len(field.occupied), np.float32)
+        self.network_adam = AdamVector.like(network)
+        self.gain_adam = AdamVector.like(photos.photos.gain)
+        room = config.batch_samples // PARTS * 2 + MAX_BLOCKS * LANES
+        self.samples_left = Samples(
+            np.empty((PARTS, room, 3), np.float32),
+            np.empty((PARTS, LEVELS, room, FEATURES), np.float32),
+            np.empty((PARTS, room), np.int32),
+            np.empty((PARTS, room), np.float32),
+            np.zeros((PARTS, 2), np.int64),
+        )
+        self.next_prune = config.prune_from
+        self.steps_done = 0
+        self.samples_done = 0
+        self.samples_per_ray = 64.0
+        self.error = np.nan
+        self._seed(points_m)
+
+    def _seed(self, points_m: FloatArray) -> None:
+        """All of the slab may hold something; of the front what is near a point."""
+        config, layout = self.config, self.layout
+        start = np.float32(4.0 * config.threshold_per_m)
+        self.value[layout.region_first[SLAB] :] = start
+        front = self.value[: layout.region_first[SLAB]].reshape(layout.region_dims[FRONT])
+        reach = config.seed_radius_m
+        cell = layout.region_cell_m[FRONT]
+        for point in points_m:
+            place = (point - layout.region_low_m[FRONT]) / cell
+            low = np.maximum(np.floor(place - reach / cell), 0).astype(int)
+            high = np.maximum(np.ceil(place + reach / cell), 0).astype(int)
+            front[low[0] : high[0], low[1] : high[1], low[2] : high[2]] = start
+        self.field.occupied[:] = self.value > 0
+
+    def step(self, pool: ThreadPoolExecutor, fraction: float) -> None:
+        """One batch; ``fraction`` of the training lies behind."""
+        config = self.config
+        number = int(config.batch_samples / max(self.samples_per_ray, 4.0))
+        number = max(PARTS, number // PARTS * PARTS)
+        draws = self.photos.draw(self.rng, number)
+        noise = self.rng.random((number, 4), dtype=np.float32)
+        steps = self._steps(fraction)
+        spread = np.float32(config.spread_weight * np.clip(2.0 * fraction - 0.5, 0.0, 1.0))
+        packed = self.photos.photos
+        gains = np.zeros((PARTS, *packed.gain.shape), np.float32)
+        weights = np.zeros((PARTS, len(self.network)), np.float32)
+        totals = np.zeros((PARTS, 3))
+        size = number // PARTS
+
+        def rays(part: int) -> None:
+            rows = slice(part * size, (part + 1) * size)
+            train_rays(
+                self.field,
+                packed,
+                draws[rows],
+                noise[rows],
+                self.bounds,
+                steps,
+                spread,
+                np.float32(config.huber),
+                part,
+                self.samples_left,
+                gains[part],
+                weights[part],
+                totals[part],
+            )
+
+        run_all(pool, rays, range(PARTS))
+        _, used, dropped = totals.sum(axis=0)
+        self.error = float(totals[:, 0].sum() / max(used * 3, 1))
+        visited = int(self.samples_left.filled[:, 1].sum())
+        self.samples_done += visited
+        self.samples_per_ray = 0.5 * self.samples_per_ray + 0.5 * visited / max(number - dropped, 1)
+        self.steps_done += 1
+
+        decay = config.final_rate ** max(
+            0.0, (fraction - config.decay_from) / (1 - config.decay_from)
+        )
+        rate = config.learning_rate * decay
+        warm = np.sqrt(1 - BETA2**self.steps_done) / (1 - BETA1**self.steps_done)
+        rates = np.array([rate * warm, BETA1, BETA2, EPSILON], np.float32)
+
+        def level(number: int) -> None:
+            if number == LEVELS:
+                visit(self.samples_left, self.value, np.float32(config.forget))
+                return
+            scatter(self.field, number, self.samples_left, self.gradient)
+            first, last = self.layout.first[number : number + 2]
+            adam(self.field.table, self.gradient, self.moments, first, last, rates)
+
+        run_all(pool, level, [LEVELS - 1 - i for i in range(LEVELS)] + [LEVELS])
+        self.network_adam.update(
+            self.network, weights.sum(axis=0, dtype=np.float64), config.network_rate * decay
+        )
+        self._update_gains(gains.sum(axis=0, dtype=np.float64), rate)
+        if fraction >= self.next_prune:
+            self.next_prune = fraction + config.prune_every
+            self._prune(pool)
+
+    def _steps(self, fraction: float) -> F32:
+        """Distance between samples in front and slab."""
+        config = self.config
+        start, end = config.first_step_px, config.step_px
+        share = np.clip(fraction / config.shorten_until, 0.0, 1.0)
+        step_px = start * (end / start) ** share
+        return np.array([config.front_step_m, step_px * config.m_per_px], np.float32)
+
+    def _update_gains(self, gradient: FloatArray, rate: float) -> None:
+        """Exposure of each photo against the mean of all; the mean stays 1."""
+        gain = self.photos.photos.gain
+        self.gain_adam.update(gain, gradient, rate * 0.1)
+        trained = gain[:-1] if self.photos.held_out else gain
+        trained /= np.exp(np.log(np.maximum(trained, 0.05)).mean(axis=0))
+
+    def _prune(self, pool: ThreadPoolExecutor) -> None:
+        """Skip from now on what is empty: cells below the threshold without a dense neighbour."""
+        config, layout = self.config, self.layout
+        for region in (FRONT, SLAB):
+            first, last = layout.region_first[region : region + 2]
+            cells = first + np.flatnonzero(self.field.occupied[first:last])
+            inside = self.rng.random((len(cells), 3), dtype=np.float32)
+            size = -(-len(cells) // PARTS)
+
+            def look(
+                part: int,
+                region: int = region,
+                cells: I64 = cells,
+                inside: F32 = inside,
+                size: int = size,
+            ) -> None:
+                rows = slice(part * size, (part + 1) * size)
+                keep = np.float32(config.keep)
+                cell_densities(self.field, region, cells[rows], inside[rows], keep, self.value)
+
+            run_all(pool, look, range(PARTS))
+            threshold = np.float32(config.threshold_per_m)
+            refresh(
+                self.value, int(first), layout.region_dims[region], threshold, self.field.occupied
+            )
+
+
+def held_out_psnr_db(trainer: Trainer, pool: ThreadPoolExecutor) -> float:
+    """Peak signal-to-noise ratio at random pixels of the held-out photo.
+
+    Its exposure is fitted first: one gain per channel by least squares.
+    """
+    photos, config = trainer.photos, trainer.config
+    draws = photos.draw_held_out(np.random.default_rng(0), config.held_out_pixels)
+    steps = np.array([config.front_step_m, config.step_px * config.m_per_px], np.float32)
+    rendered = np.empty((len(draws), 3), np.float32)
+    size = -(-len(draws) // PARTS)
+
+    def rays(part: int) -> None:
+        rows = slice(part * size, (part + 1) * size)
+        render_pixels(
+            trainer.field, photos.photos, draws[rows], trainer.bounds, steps, rendered[rows]
+        )
+
+    run_all(pool, rays, range(PARTS))
+    packed = photos.photos
+    at = packed.first[draws[:, 0]] + draws[:, 2] * packed.width[draws[:, 0]] + draws[:, 1]
+    hit = np.isfinite(rendered).all(axis=1)
+    truth, image = packed.pixels[at[hit]] / 255.0, rendered[hit].astype(np.float64)
+    if not len(image):
+        return float("nan")
+    gain = (truth * image).sum(axis=0) / np.maximum((image**2).sum(axis=0), 1e-9)
+    return float(-10.0 * np.log10(max(np.mean((gain * image - truth) ** 2), 1e-12)))
+
+
+def run_all(pool: ThreadPoolExecutor, task: Callable[[int], None], numbers: Iterable[int]) -> None:
+    """Run a task for each number and wait; errors of a task are raised here."""
+    for _ in pool.map(task, numbers):
+        pass
