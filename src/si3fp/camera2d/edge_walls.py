@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from si3fp.camera2d.rectangles import Side
+from si3fp.camera2d.wall_ends import Side
 from si3fp.camera2d.wall_lines import PlanLine
 from si3fp.config import PlaneConfig
 from si3fp.geometry.rigid import FloatArray
@@ -164,7 +164,7 @@ def _corner(side: Side, corner_m: float, config: PlaneConfig) -> Side:
     if "corner" in side.rests_on and abs(side.at_m - corner_m) <= config.corner_m:
         return side
     gap_m = abs(side.at_m - corner_m)
-    return Side(corner_m, f"the footprint's corner; points end {gap_m:.1f} m before it")
+    return Side(corner_m, f"the footprint's corner, {gap_m:.1f} m from {side.rests_on}")
 
 
 def _on_edge(piece: EdgePiece, walls: Sequence[EdgeWall], edge: _Edge, side: Side) -> float:

@@ -2,7 +2,7 @@
 
 Points that stand above one another propose vertical planes (`wall_lines`), parallel planes are cut
 where one ends and the next begins (`wall_runs`), corners, ground and eaves bound them
-(`rectangles`), and footprint edges name them where there are any.
+(`wall_ends`, `wall_heights`), and footprint edges name them where there are any.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ import numpy as np
 
 from si3fp.camera2d.edge_walls import EdgeWall, assign_to_edges
 from si3fp.camera2d.facade_plane import FacadePlane
-from si3fp.camera2d.rectangles import Side, eaves_z, ground_z, regularised, wall_ends
+from si3fp.camera2d.wall_ends import Side, regularised, wall_ends
+from si3fp.camera2d.wall_heights import eaves_z, ground_z
 from si3fp.camera2d.wall_points import WallPoints, select_wall_points
 from si3fp.camera2d.wall_runs import WallRun, find_walls
 from si3fp.config import PlaneConfig
@@ -78,8 +79,8 @@ def find_facades(
     runs = regularised(find_walls(chosen, config), config)
     ends = wall_ends(runs, config)
     walls, left_out = [], []
-    for run, sides in zip(runs, ends, strict=True):
-        wall = _Wall(run, *sides, ground_z(run, chosen, config), eaves_z(run, chosen, config))
+    for run, sides, eaves in zip(runs, ends, eaves_z(runs, chosen, config), strict=True):
+        wall = _Wall(run, *sides, ground_z(run, chosen, config), eaves)
         reason = _why_not(wall, chosen, config)
         if not reason:
             walls.append(wall)
@@ -210,7 +211,7 @@ def _heights(wall: _Wall, footprint: Footprint) -> tuple[Side, Side]:
     if footprint.height_m is not None:
         mapped = ground.at_m + footprint.height_m
         if eaves.at_m < mapped and "cornice" not in eaves.rests_on:
-            eaves = Side(mapped, f"the map; points end {mapped - eaves.at_m:.1f} m below")
+            eaves = Side(mapped, f"the map, {mapped - eaves.at_m:.1f} m above {eaves.rests_on}")
     return ground, eaves
 
 

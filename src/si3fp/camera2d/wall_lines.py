@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,10 @@ from si3fp.config import PlaneConfig
 from si3fp.geometry.rigid import FloatArray
 
 _REFITS = 4
-_GROWTH = 1.5  # by which a line's reach is multiplied until no more points join
+_MIN_FITTED = 8
+_CROSSING = 0.35  # sine of the angle between lines that cross
+_BAND_M = 0.3  # frames, sills and surrounds about a wall
+_GROWTH = 1.5  # by which a line's reach is multiplied until it covers all points that go on
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,10 +60,13 @@ class WallLine:
         The line; outside is where the cameras are.
     members
         Indices of the points.
+    crossed
+        (N,) mask of the points beside the faces of walls that it crosses; none of them is a member.
     """
 
     line: PlanLine
     members: IntArray
+    crossed: NDArray[np.bool_]
 
 
 def find_wall_lines(points: WallPoints, config: PlaneConfig) -> list[WallLine]:
@@ -68,7 +75,7 @@ def find_wall_lines(points: WallPoints, config: PlaneConfig) -> list[WallLine]:
     Each place where points stand above one another proposes the line through its surroundings
     that most of them lie on (a Hough transform of the neighbourhood). The strongest proposal grows
     along itself as far as points go on without a gap, takes its points away, and the next follows.
-    A point belongs to one line at most.
+    A point belongs to one line at most, and the relief of a wall to no line that crosses it.
     """
     free = np.ones(len(points.weights), dtype=np.bool_)
     seeds = _seeds(points.points_in_world, config)
@@ -91,7 +98,7 @@ def find_wall_lines(points: WallPoints, config: PlaneConfig) -> list[WallLine]:
         if grown is not None:
             found.append(grown)
             free[grown.members] = False
-    return found
+    return _without_crossings(found, points, config)
 
 
 def fit_line(
@@ -159,35 +166,51 @@ def _grown(
     """The line after it took in all points that go on along it; None where too few do."""
     candidates = np.flatnonzero(free)
     places, weights = points.points_in_world[candidates], points.weights[candidates]
-    reach, count = config.seed_radius_m, 0
-    while True:
+    reach_m, extent_m = config.seed_radius_m, np.inf
+    on = np.zeros(len(candidates), dtype=np.bool_)
+    while reach_m < _GROWTH * extent_m:
         for _ in range(_REFITS):
             along, front = line.coordinates(places).T
             centre = float(line.coordinates(seed)[0])
-            on = (np.abs(front) <= config.inlier_m) & (np.abs(along - centre) <= reach)
-            if on.sum() < config.min_points // 2:
-                return None
-            line, _ = fit_line(places[on], weights[on], line.outward)
-        if int(on.sum()) <= count:
-            break
-        count, reach = int(on.sum()), reach * _GROWTH
-        # A reach beyond the points is no use, and beyond a gap it would fit another wall.
-        along, front = line.coordinates(places).T
-        centre = float(line.coordinates(seed)[0])
-        left, right = _unbroken(along[np.abs(front) <= config.inlier_m], centre, config.gap_m)
-        reach = min(reach, max(centre - left, right - centre) + config.cell_m)
-    along, front = line.coordinates(places).T
-    centre = float(line.coordinates(seed)[0])
-    close = np.abs(front) <= config.inlier_m
-    left, right = _unbroken(along[close], centre, config.gap_m)
-    on = close & (along >= left) & (along <= right)
-    if on.sum() < config.min_points // 2:
-        return None
-    line, _ = fit_line(places[on], weights[on], line.outward)
+            close = np.abs(front) <= config.inlier_m
+            left, right = _unbroken(along[close], centre, config.gap_m)
+            extent_m = max(centre - left, right - centre)
+            on = close & (along >= left) & (along <= right) & (np.abs(along - centre) <= reach_m)
+            if on.sum() >= _MIN_FITTED:
+                line, _ = fit_line(places[on], weights[on], line.outward)
+        reach_m *= _GROWTH
     members = candidates[on]
+    if len(members) < config.min_points // 2:
+        return None
     if _cameras_behind(points, members, line):
         line = line.flipped()
-    return WallLine(line, members)
+    return WallLine(line, members, np.zeros_like(free))
+
+
+def _without_crossings(
+    walls: Sequence[WallLine], points: WallPoints, config: PlaneConfig
+) -> list[WallLine]:
+    """The walls, heaviest first, without the points beside the faces of heavier ones they cross."""
+    weights = [float(points.weights[wall.members].sum()) for wall in walls]
+    order = np.argsort(-np.array(weights), kind="stable")
+    faces: list[tuple[PlanLine, NDArray[np.bool_]]] = []
+    kept = []
+    for number in order:
+        line, members = walls[number].line, walls[number].members
+        crossed = np.zeros(len(points.weights), dtype=np.bool_)
+        for other, face in faces:
+            if abs(other.along @ line.outward) > _CROSSING:
+                crossed |= face
+        members = members[~crossed[members]]
+        if not len(members):
+            continue
+        kept.append(WallLine(line, members, crossed))
+        along, front = line.coordinates(points.points_in_world).T
+        own = along[members]
+        face = (np.abs(front) <= _BAND_M) & (along >= own.min()) & (along <= own.max())
+        if len(members) >= config.min_flat * face.sum():  # a hedge has no face
+            faces.append((line, face))
+    return kept
 
 
 def _unbroken(along: FloatArray, centre: float, gap_m: float) -> tuple[float, float]:

@@ -39,6 +39,8 @@ class WallRun:
         Ends of the points along the line, from its foot.
     rms_m
         Distance of the points from the plane.
+    crossed
+        (N,) mask of the points beside the faces of walls that it crosses.
     """
 
     line: PlanLine
@@ -46,6 +48,7 @@ class WallRun:
     left_m: float
     right_m: float
     rms_m: float
+    crossed: NDArray[np.bool_]
 
     @property
     def width_m(self) -> float:
@@ -84,8 +87,8 @@ def _is_flat(run: WallRun, points: WallPoints, config: PlaneConfig) -> bool:
     height = points.points_in_world[:, 2]
     low, high = np.quantile(height[run.members], [0.05, 0.95])
     beside = (along >= run.left_m) & (along <= run.right_m) & (height >= low) & (height <= high)
-    near = beside & (np.abs(front) <= config.relief_m)
-    on = beside & (np.abs(front) <= config.inlier_m)
+    near = beside & (np.abs(front) <= config.relief_m) & ~run.crossed
+    on = near & (np.abs(front) <= config.inlier_m)
     return bool(on.sum() >= config.min_flat * near.sum())
 
 
@@ -131,13 +134,11 @@ def _runs_of(group: Sequence[WallLine], points: WallPoints, config: PlaneConfig)
         members = wall.members[(position >= left) & (position < right)]
         if len(members) < _MIN_MEMBERS:
             continue
-        run = _fitted(members, wall.line, points, config)
+        run = _fitted(members, wall, points, config)
         if runs and _goes_on(runs[-1], run, config):
             before = runs.pop()
             larger = max(before, run, key=lambda one: len(one.members))
-            run = _fitted(
-                np.concatenate([before.members, run.members]), larger.line, points, config
-            )
+            run = _fitted(np.concatenate([before.members, run.members]), larger, points, config)
         runs.append(run)
     return runs
 
@@ -152,7 +153,7 @@ def _flat_rows(
 ) -> FloatArray:
     """Rows of cells (B,) in which a wall has a face: hedges scatter their points about it."""
     front = np.abs(wall.line.coordinates(points.points_in_world)[:, 1])
-    near = np.flatnonzero(front <= config.relief_m)
+    near = np.flatnonzero((front <= config.relief_m) & ~wall.crossed)
     along = axis.coordinates(points.points_in_world[near])[:, 0]
     column = np.floor((along - lowest) / config.cell_m).astype(np.int64)
     row = np.floor(points.points_in_world[near, 2] / config.cell_m).astype(np.int64)
@@ -228,10 +229,12 @@ def best_labels(support: FloatArray, change_cost: float) -> NDArray[np.intp]:
     return labels
 
 
-def _fitted(members: IntArray, line: PlanLine, points: WallPoints, config: PlaneConfig) -> WallRun:
+def _fitted(
+    members: IntArray, start: WallLine | WallRun, points: WallPoints, config: PlaneConfig
+) -> WallRun:
     """The run with its line fitted to the wall's face: frames and sills beside it count little."""
     places, weights = points.points_in_world[members], points.weights[members]
-    robust = weights
+    robust, line = weights, start.line
     for _ in range(_ROBUST_REFITS):
         line, _ = fit_line(places, robust, line.outward)
         front = line.coordinates(places)[:, 1]
@@ -240,7 +243,7 @@ def _fitted(members: IntArray, line: PlanLine, points: WallPoints, config: Plane
     along, front = line.coordinates(places).T
     rms_m = float(np.sqrt(robust @ front**2 / robust.sum()))
     left, right = _ends(along, places[:, 2])
-    return WallRun(line, members, left, right, rms_m)
+    return WallRun(line, members, left, right, rms_m, start.crossed)
 
 
 def _ends(along: FloatArray, height: FloatArray) -> tuple[float, float]:

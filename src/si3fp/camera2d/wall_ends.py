@@ -1,4 +1,4 @@
-"""The four sides of a wall: its ends, the ground and the eaves, and what each rests on (C.2)."""
+"""Left and right ends of walls: corners, walls that stand before them, last points (C.2)."""
 
 from __future__ import annotations
 
@@ -6,23 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from si3fp.camera2d.wall_lines import PlanLine
-from si3fp.camera2d.wall_points import WallPoints
 from si3fp.camera2d.wall_runs import WallRun
 from si3fp.config import PlaneConfig
-from si3fp.geometry.rigid import FloatArray
 
 _INSIDE_M = 0.2  # points beyond a corner by more contradict it
 _MIN_CORNER_DEG = 20.0
-_ROW_M = 0.25
-_GROUND_FRONT_M = 3.0
-_RELIEF_M = 0.12  # a cornice or gutter stands at least so far before the wall
-_OVERHANG_M = 1.2  # and at most so far
-_CORNICE_SHARE = 0.5  # of the columns of cells
-_DENSE_SHARE = 0.4  # of the usual share of occupied columns
-_MIN_EAVES_SHARE = 0.6  # of the height over which the wall has points
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,73 +76,6 @@ def wall_ends(runs: Sequence[WallRun], config: PlaneConfig) -> list[tuple[Side, 
             sides = list(ends[number])
         stepped.append((sides[0], sides[1]))
     return stepped
-
-
-def ground_z(run: WallRun, points: WallPoints, config: PlaneConfig) -> Side:
-    """World z of the ground at a wall: the lowest points before it, or below the cameras."""
-    along, front = run.line.coordinates(points.points_in_world).T
-    before = (along >= run.left_m) & (along <= run.right_m)
-    before &= (front >= -_RELIEF_M) & (front <= _GROUND_FRONT_M)
-    lowest = float(np.quantile(points.points_in_world[before, 2], 0.01))
-    views = points.views_of(run.members).astype(np.float64)
-    order = np.argsort(points.centres_in_world[:, 2], kind="stable")
-    middle = int(np.searchsorted(np.cumsum(views[order]), views.sum() / 2))
-    below = float(points.centres_in_world[order[middle], 2]) - config.camera_height_m
-    if lowest <= below:
-        return Side(lowest, "the lowest points before it")
-    return Side(below, f"the cameras, {config.camera_height_m:g} m above the ground")
-
-
-def eaves_z(run: WallRun, points: WallPoints, config: PlaneConfig) -> Side:
-    """World z of the eaves of a wall: under the cornice, else where its dense rows of points end.
-
-    A cornice or gutter is a row of points before the wall along half of it or more, with at most a
-    gable above it. The points of roofs do not count: they lie behind the wall.
-    """
-    along, front = run.line.coordinates(points.points_in_world).T
-    height = points.points_in_world[:, 2]
-    beside = (along >= run.left_m) & (along <= run.right_m)
-    own = height[run.members]
-    lowest, highest = float(np.quantile(own, 0.02)), float(own.max())
-    wall = np.zeros(len(height), dtype=np.bool_)
-    wall[run.members] = True
-    shares = _rows(along, height, wall, run, lowest, highest + 1.0, config)
-    cornice = beside & (front >= _RELIEF_M) & (front <= _OVERHANG_M)
-    lines = _rows(along, height, cornice, run, lowest, highest + 1.0, config)
-    usual = float(np.median(shares[shares > 0]))
-    dense = np.flatnonzero(shares >= _DENSE_SHARE * usual)
-    top = int(dense[-1]) + 1
-    if top > 1 and shares[top - 1] < usual and dense[-1] - dense[-2] > 4:
-        top = int(dense[-2]) + 1  # a row by itself: a chimney's or dormer's edge
-    under = np.flatnonzero(lines >= _CORNICE_SHARE)
-    under = under[(under >= _MIN_EAVES_SHARE * top) & (under <= top + 4)]
-    if len(under):
-        row = int(under[0])
-        line = height[cornice & (height >= lowest + row * _ROW_M)]
-        bottom = float(np.quantile(line[line < lowest + (row + 1) * _ROW_M], 0.1))
-        below = own[(own > bottom - 1.0) & (own <= bottom + 0.05)]
-        return Side(float(below.max()) if len(below) else bottom, "the cornice or gutter")
-    below = own[own <= lowest + top * _ROW_M]
-    return Side(float(np.quantile(below[below > lowest + (top - 1) * _ROW_M], 0.9)), "points")
-
-
-def _rows(
-    along: FloatArray,
-    height: FloatArray,
-    chosen: NDArray[np.bool_],
-    run: WallRun,
-    lowest: float,
-    highest: float,
-    config: PlaneConfig,
-) -> FloatArray:
-    """Share of the columns of cells that chosen points occupy in every row from lowest up."""
-    count = int(np.ceil((highest - lowest) / _ROW_M))
-    columns = max(round(run.width_m / config.cell_m), 1)
-    row = np.floor((height[chosen] - lowest) / _ROW_M).astype(np.int64)
-    column = np.floor((along[chosen] - run.left_m) / run.width_m * columns).astype(np.int64)
-    inside = (row >= 0) & (row < count) & (column >= 0) & (column < columns)
-    cells = np.unique(np.stack([row[inside], column[inside]]), axis=1)
-    return np.bincount(cells[0], minlength=count) / columns
 
 
 def _corner(run: WallRun, end: int, others: Sequence[WallRun], config: PlaneConfig) -> Side:
