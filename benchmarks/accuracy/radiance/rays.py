@@ -239,10 +239,18 @@ def _leave(
     return np.asarray(np.take_along_axis(ends, axis[None], axis=0)[0], np.float32), axis
 
 
-def box_hits(
+def body_hits(
+    body: Box | Ball, origin: tuple[Float, ...], direction: tuple[Float, ...]
+) -> tuple[Float, NDArray[np.int8]]:
+    """t (inf for a miss) where rays enter a body, and the axis of the face of a box."""
+    if isinstance(body, Box):
+        return _box_hits(body, origin, direction)
+    return _ball_hits(body, origin, direction), np.zeros(direction[0].shape, np.int8)
+
+
+def _box_hits(
     box: Box, origin: tuple[Float, ...], direction: tuple[Float, ...]
 ) -> tuple[Float, NDArray[np.int8]]:
-    """t (inf for a miss) and axis of the face where rays enter a box."""
     enter: Float = np.full(direction[0].shape, -np.inf, np.float32)
     leave: Float = np.full(direction[0].shape, np.inf, np.float32)
     face = np.zeros(direction[0].shape, np.int8)
@@ -256,8 +264,7 @@ def box_hits(
     return np.where((enter < leave) & (enter > 0), enter, np.float32(np.inf)), face
 
 
-def ball_hits(ball: Ball, origin: tuple[Float, ...], direction: tuple[Float, ...]) -> Float:
-    """t (inf for a miss) where rays enter a ball."""
+def _ball_hits(ball: Ball, origin: tuple[Float, ...], direction: tuple[Float, ...]) -> Float:
     to = [np.float32(centre) - o for centre, o in zip(ball.centre, origin, strict=True)]
     square = direction[0] ** 2 + direction[1] ** 2 + direction[2] ** 2
     middle = (to[0] * direction[0] + to[1] * direction[1] + to[2] * direction[2]) / square

@@ -18,14 +18,14 @@ from benchmarks.accuracy.radiance.rays import (
     Rays,
     Wall,
     WallHits,
-    ball_hits,
-    box_hits,
+    body_hits,
     corners_of,
     facade_rays,
     photo_rays,
     sight_rays,
 )
 from benchmarks.accuracy.radiance.scene import Scene, without_obstacles
+from benchmarks.accuracy.radiance.solids import Ball
 from benchmarks.accuracy.radiance.textures import MARGIN_M, NOISE_PX, TEXEL_M, Float, lookup, paint
 from numpy.typing import NDArray
 
@@ -115,21 +115,18 @@ class Renderer:
         hits = self.wall.cast(rays)
         rgb = self._background(rays, hits)
         t = hits.t
-        for body in (*scene.boxes, *scene.balls):
+        for body in scene.bodies:
             window = rays.window(corners_of(body))
             if not t[window].size:
                 continue
             origin, direction = rays.at(window)
-            if hasattr(body, "radius"):
-                hit, face = ball_hits(body, origin, direction), None
-            else:
-                hit, face = box_hits(body, origin, direction)
+            hit, face = body_hits(body, origin, direction)
             first = hit < t[window]
             if not first.any():
                 continue
             at = hit[first]
             point = [o[first] + at * d[first] for o, d in zip(origin, direction, strict=True)]
-            if face is None:
+            if isinstance(body, Ball):
                 up = (point[1] - np.float32(body.centre[1])) / np.float32(body.radius)
                 light, rough = 0.82 + 0.28 * up, 14.0
             else:
@@ -225,16 +222,11 @@ def _facade_rays(grid: FacadeGrid, rows: slice, samples: int) -> Rays:
 def _nearest(scene: Scene, wall: Wall, rays: Rays) -> Float:
     """t of the first hit of each ray."""
     t = wall.cast(rays).t
-    for body in (*scene.boxes, *scene.balls):
+    for body in scene.bodies:
         window = rays.window(corners_of(body))
         if t[window].size:
             origin, direction = rays.at(window)
-            hit = (
-                ball_hits(body, origin, direction)
-                if hasattr(body, "radius")
-                else box_hits(body, origin, direction)[0]
-            )
-            t[window] = np.minimum(t[window], hit)
+            t[window] = np.minimum(t[window], body_hits(body, origin, direction)[0])
     return t
 
 

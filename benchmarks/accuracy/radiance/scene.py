@@ -51,6 +51,11 @@ class Scene:
     world_from_facade: Rigid3
     photos: tuple[Photo, ...]
 
+    @property
+    def bodies(self) -> tuple[Box | Ball, ...]:
+        """All that stands on or in front of the wall."""
+        return (*self.boxes, *self.balls)
+
 
 def scene(
     seed: int, variant: str = "tuned", photo_count: int = 48, photo_width_px: int = 600

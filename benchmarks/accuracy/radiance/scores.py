@@ -216,13 +216,15 @@ def recess_errors_cm(
         wall = _within(truth.grid, opening, 0.3) & seen & (np.abs(truth.depth_m) < WALL_M)
         glass = _glass(truth, [opening]) & seen
         if glass.sum() >= 50 and wall.sum() >= 50:
-            recess_m = (
-                np.nanmedian(depth_m[wall]) - np.nanmedian(depth_m[glass])
-                if np.isfinite(depth_m).any()
-                else np.nan
-            )
+            recess_m = _known_median(depth_m[wall]) - _known_median(depth_m[glass])
             errors.append(100 * abs(recess_m - opening.glass_depth_m))
     return np.array(errors)
+
+
+def _known_median(depth_m: NDArray[np.float32]) -> float:
+    """Median in metres; NaN where more than half is unknown."""
+    known = depth_m[np.isfinite(depth_m)]
+    return float(np.median(known)) if 2 * len(known) > len(depth_m) else np.nan
 
 
 def _within(grid: FacadeGrid, opening: Opening, margin_m: float) -> NDArray[np.bool_]:
