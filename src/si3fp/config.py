@@ -61,12 +61,17 @@ class SfmConfig:
     max_side_px: int = 2400  # decision: features are sought at this size
     max_features: int = 8192  # per photo; COLMAP's default
     threads: int = 2  # decision: each takes about 1 GB while it seeks features
+    mapper_threads: int = 2  # with 1 the poses repeat bit for bit
     all_pairs_up_to: int = 60  # photos; decision
     followers: int = 10  # decision: photos that follow in order are matched, the ring closed
     near_photos: int = 10  # decision: nearest by GPS that are matched
     near_m: float = 30.0  # decision: and how far away they may be
     min_matches: int = 15  # COLMAP's default: fewer verified matches of a pair do not count
     min_model_photos: int = 3  # a point seen by three is checked by the third
+    principal_point_photos: int = 10  # decision: of one camera, before its principal point moves
+    principal_gain: float = 0.005  # decision: least share by which that lowers the error
+    max_principal_shift: float = 0.03  # decision: of the longer side; the castle's: 0.6 %
+    adjustments: int = 20  # decision: iterations of the last adjustment; 15 are enough
     same_view_deg: float = 15.0  # decision: SIFT matches a wall seen from directions so near
     same_view_ratio: float = 1.5  # decision: and from distances so alike
     stranger_share: float = 0.3  # decision: of the common points; two correct models: 0.62 and more
@@ -169,8 +174,8 @@ class RadianceConfig:
     huber: float = 0.1  # decision: colour errors above this count linearly (0..1)
     spread_weight: float = 0.0
     prune_from: float = 0.04  # share of the budget after which empty cells are skipped
-    prune_every: float = 0.025
-    keep: float = 0.6  # decision: of the densest value seen in a cell, each time
+    prune_growth: float = 1.3  # and again each time the training is this much longer
+    keep: float = 0.4  # decision: of the densest value seen in a cell, each time
     forget: float = 0.97  # decision: of that, per sample that falls into the cell
     threshold_per_m: float = 0.5  # decision: a cell below this density is empty
     held_out_pixels: int = 20_000
@@ -237,7 +242,7 @@ class PlaneConfig:
     min_rows: float = 1.5  # decision: rows of cells below which a place counts as empty
     relief_m: float = 0.5  # decision: frames, sills and plinths stand no farther off their wall
     relief_share: float = 0.4  # decision: of their places in which they may have more rows than it
-    change_rows: float = 12.0  # decision: rows of cells that pay for a change of plane
+    change_rows: float = 8.0  # decision: rows of cells that pay for a change of plane
     min_points: int = 40  # decision: on a facade
     min_flat: float = 0.4  # decision: share of the points within relief_m that lie on the plane
     min_photos: int = 3  # decision: that look at a facade

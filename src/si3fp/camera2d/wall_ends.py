@@ -12,6 +12,7 @@ from si3fp.camera2d.wall_runs import WallRun
 from si3fp.config import PlaneConfig
 
 _INSIDE_M = 0.2  # points beyond a corner by more contradict it
+_STEP_REACH_M = 0.5  # between the last points of a wall and the end of the one before it
 _MIN_CORNER_DEG = 20.0
 
 
@@ -120,7 +121,7 @@ def _step(
         near = others[1 - end].at_m  # its right end lies at our left one
         place = other.line.foot_in_world + near * other.line.along
         at_m, front = run.line.coordinates(place).tolist()
-        if abs(at_m - side.at_m) <= config.corner_m and 0 < front <= config.step_m:
+        if abs(at_m - side.at_m) <= _STEP_REACH_M and 0 < front <= config.step_m:
             return Side(at_m, "the end of the wall before it")
     return side
 
