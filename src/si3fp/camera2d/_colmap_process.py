@@ -9,11 +9,13 @@ last. What the database already has is not done again.
 
 from __future__ import annotations
 
+import copy
 import json
 import os
 import shutil
 import sys
 import threading
+from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -21,6 +23,7 @@ from typing import Any
 import numpy as np
 import pycolmap
 
+from si3fp.camera2d._colmap_numbers import rays_of, verified_matches, view
 from si3fp.camera2d.coherence import (
     ModelView,
     agreeing_share,
@@ -29,9 +32,6 @@ from si3fp.camera2d.coherence import (
     scales_contradict,
 )
 from si3fp.config import SfmConfig
-from si3fp.geometry.pinhole import Pinhole
-from si3fp.geometry.rigid import Rigid3
-from si3fp.model import Photo
 
 Job = dict[str, Any]
 
@@ -141,7 +141,7 @@ def _map(database: Path, folder: Path, work: Path, config: SfmConfig, seed: int)
         options.min_num_matches = config.min_matches
         options.min_model_size = config.min_model_photos
         options.random_seed = seed
-        options.num_threads = config.threads
+        options.num_threads = config.mapper_threads
         options.image_path = folder
         models = pycolmap.global_mapping(calibrated, folder, out, options)
     else:
@@ -153,7 +153,59 @@ def _map(database: Path, folder: Path, work: Path, config: SfmConfig, seed: int)
             initial_image_pair_callback=lambda: _say("two cameras"),
             next_image_callback=lambda: _say("camera"),
         )
-    return sorted(models.values(), key=lambda model: -int(model.num_reg_images()))
+    _say("refinement")
+    largest_first = sorted(models.values(), key=lambda model: -int(model.num_reg_images()))
+    return [_refined(model, config) for model in largest_first]
+
+
+def _refined(model: Any, config: SfmConfig) -> Any:
+    """The model with all cameras and points adjusted once more, robustly.
+
+    The mapper leaves the principal point in the middle of the picture and squares the errors of
+    wrong matches. Here the principal point moves, of cameras with many photos, where that explains
+    the pictures better and stays plausible.
+    """
+    moved = copy.deepcopy(model)
+    _adjust(moved, config, principal_point=True, robust=False)
+    for either in (model, moved):
+        either.update_point_3d_errors()
+    error_px, error_moved_px = (m.compute_mean_reprojection_error() for m in (model, moved))
+    plausible = all(
+        np.hypot(
+            camera.principal_point_x - camera.width / 2,
+            camera.principal_point_y - camera.height / 2,
+        )
+        <= config.max_principal_shift * max(camera.width, camera.height)
+        for camera in moved.cameras.values()
+    )
+    better = plausible and error_moved_px < (1 - config.principal_gain) * error_px
+    best = moved if better else model
+    _adjust(best, config, principal_point=better, robust=True)
+    best.update_point_3d_errors()
+    return best
+
+
+def _adjust(model: Any, config: SfmConfig, *, principal_point: bool, robust: bool) -> None:
+    """Bundle adjustment; the principal point of cameras with few photos stays."""
+    problem = pycolmap.BundleAdjustmentConfig()
+    photos = Counter(model.images[number].camera_id for number in model.reg_image_ids())
+    for number in model.reg_image_ids():
+        problem.add_image(number)
+    if principal_point:
+        for camera, count in photos.items():
+            if count < config.principal_point_photos:
+                problem.set_constant_cam_intrinsics(camera)
+    problem.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
+    options = pycolmap.BundleAdjustmentOptions()
+    options.refine_principal_point = principal_point
+    options.print_summary = False
+    options.ceres.loss_function_type = (
+        pycolmap.LossFunctionType.CAUCHY if robust else pycolmap.LossFunctionType.TRIVIAL
+    )
+    options.ceres.loss_function_scale = 1.0
+    options.ceres.solver_options.max_num_iterations = config.adjustments
+    options.ceres.solver_options.num_threads = config.mapper_threads
+    pycolmap.create_default_bundle_adjuster(options, problem, model).solve()
 
 
 def _incremental(config: SfmConfig, seed: int) -> Any:
@@ -161,7 +213,7 @@ def _incremental(config: SfmConfig, seed: int) -> Any:
     options.min_num_matches = config.min_matches
     options.min_model_size = config.min_model_photos
     options.random_seed = options.mapper.random_seed = options.triangulation.random_seed = seed
-    options.num_threads = options.mapper.num_threads = config.threads
+    options.num_threads = options.mapper.num_threads = config.mapper_threads
     return options
 
 
@@ -186,28 +238,28 @@ def _write_report(
     database_path: Path, work: Path, models: list[Any], job: Job, config: SfmConfig
 ) -> None:
     """Write the models as text and what the parent needs to judge them."""
-    views = [_view(model) for model in models]
+    views = [view(model) for model in models]
     _match_neighbours(database_path, views, job, config)
     with pycolmap.Database.open(database_path) as database:
         ids = range(1, len(job["photos"]) + 1)
         features = [int(database.num_keypoints_for_image(number)) for number in ids]
-        matches = _verified_matches(database)
+        matches = verified_matches(database)
     entries = []
-    for number, (model, view) in enumerate(zip(models, views, strict=True)):
+    for number, (model, seen) in enumerate(zip(models, views, strict=True)):
         text = work / "models" / str(number)
         shutil.rmtree(text, ignore_errors=True)
         text.mkdir(parents=True)
         model.write_text(text)
-        rays = _rays(matches, model)
-        agreeing = [agreeing_share(r, view.photos[a], view.photos[b]) for (a, b), r in rays.items()]
+        rays = rays_of(matches, model)
+        agreeing = [agreeing_share(r, seen.photos[a], seen.photos[b]) for (a, b), r in rays.items()]
         entries.append(
             {
-                "photos": sorted(view.photos),
-                "points": len(view.points),
+                "photos": sorted(seen.photos),
+                "points": len(seen.points),
                 "error_px": float(model.compute_mean_reprojection_error()),
                 "agreeing": float(np.median(agreeing)) if agreeing else 0.0,
-                "contradicts_first": scales_contradict(views[0], view),
-                **asdict(coherence(view, rays, config)),
+                "contradicts_first": scales_contradict(views[0], seen),
+                **asdict(coherence(seen, rays, config)),
             }
         )
     verified = [[first, second, len(points)] for (first, second), (points, _) in matches.items()]
@@ -222,69 +274,12 @@ def _match_neighbours(database: Path, views: list[ModelView], job: Job, config: 
     known = {tuple(pair) for pair in job["pairs"]}
     missing = {
         (pair.first, pair.second)
-        for view in views
-        for pair in neighbours(view, config)
+        for model in views
+        for pair in neighbours(model, config)
         if pair.shared < config.stranger_share * pair.expected
     } - known
     if missing:
         _match(database, [list(pair) for pair in sorted(missing)], config, job["seed"])
-
-
-def _view(model: Any) -> ModelView:
-    """A model in numbers, photos counted from zero."""
-    place = {point: index for index, point in enumerate(model.points3D)}
-    points = np.array([point.xyz for point in model.points3D.values()], np.float64)
-    seen: dict[int, set[int]] = {number - 1: set() for number in model.reg_image_ids()}
-    for point, index in place.items():
-        for element in model.points3D[point].track.elements:
-            seen[element.image_id - 1].add(index)
-    photos = {}
-    for number in model.reg_image_ids():
-        image = model.images[number]
-        camera = model.cameras[image.camera_id]
-        (fx, _, cx), (_, fy, cy), _ = camera.calibration_matrix().tolist()
-        pose = image.cam_from_world().matrix()
-        photos[number - 1] = Photo(
-            image.name,
-            Pinhole(fx, fy, cx, cy, camera.width, camera.height),
-            Rigid3(pose[:, :3], pose[:, 3]),
-        )
-    indices = {photo: np.array(sorted(index), np.intp) for photo, index in seen.items()}
-    return ModelView(photos, points.reshape(-1, 3), indices)
-
-
-def _verified_matches(database: Any) -> dict[tuple[int, int], tuple[Any, Any]]:
-    """Pixels (M, 2) of verified matches in both photos, by pair, photos counted from zero."""
-    found = {}
-    pixels: dict[int, Any] = {}
-    for pair_id, geometry in zip(*database.read_two_view_geometries(), strict=True):
-        matches = geometry.inlier_matches
-        if not len(matches):
-            continue
-        pair = pycolmap.pair_id_to_image_pair(pair_id)
-        for number in pair:
-            if number not in pixels:
-                pixels[number] = database.read_keypoints(number)[:, :2].astype(np.float64)
-        first, second = (number - 1 for number in pair)
-        found[first, second] = (pixels[pair[0]][matches[:, 0]], pixels[pair[1]][matches[:, 1]])
-    return found
-
-
-def _rays(matches: dict[tuple[int, int], tuple[Any, Any]], model: Any) -> dict[Any, Any]:
-    """The matches of the photos of a model as directions with z = 1, free of distortion."""
-    registered = {number - 1 for number in model.reg_image_ids()}
-    return {
-        pair: tuple(
-            np.pad(
-                model.cameras[model.images[photo + 1].camera_id].cam_from_img(pixels),
-                ((0, 0), (0, 1)),
-                constant_values=1.0,
-            )
-            for photo, pixels in zip(pair, both, strict=True)
-        )
-        for pair, both in matches.items()
-        if registered >= set(pair)
-    }
 
 
 if __name__ == "__main__":

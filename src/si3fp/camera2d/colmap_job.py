@@ -29,6 +29,11 @@ Progress = Callable[[str, int, int], None]
 _JOB = "job.json"
 _POLL_S = 0.3
 _LOG_LINES = 8
+# Settings of `SfmConfig` on which features and matches rest.
+_OF_DATABASE = (
+    *("max_side_px", "max_features", "min_matches"),
+    *("all_pairs_up_to", "followers", "near_photos", "near_m"),
+)
 
 
 def run_job(
@@ -84,20 +89,20 @@ def _keep_what_holds(work_dir: Path, job: dict[str, Any]) -> list[tuple[int, int
     """Pairs of an earlier run with the same photos and settings; removes what does not hold now."""
     try:
         old = json.loads((work_dir / _JOB).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        old = {}
-    mapper = old.get("config", {}).get("mapper")
-    like_old = {**job, "config": {**job["config"], "mapper": mapper}}
-    same = all(old.get(key) == value for key, value in like_old.items())
-    if not same or mapper != job["config"]["mapper"]:
+        pairs = [(first, second) for first, second in old["pairs"]]
+        same = all(old.get(key) == value for key, value in job.items() if key != "config")
+        settings = [[each["config"].get(key) for key in _OF_DATABASE] for each in (old, job)]
+        same = same and settings[0] == settings[1]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        old, same, pairs = {}, False, []
+    if not same or old["config"] != job["config"]:
         (work_dir / "report.json").unlink(missing_ok=True)
         for name in ("models", "sparse"):
             shutil.rmtree(work_dir / name, ignore_errors=True)
     if not same:
         for file in work_dir.glob("database.db*"):
             file.unlink()
-        return None
-    return [(first, second) for first, second in old["pairs"]]
+    return pairs if same else None
 
 
 def _pairs(
@@ -164,11 +169,9 @@ def _state(work_dir: Path, said: Path, photos: int, pairs: int) -> tuple[str, in
     """Step, how much of it is done, and of how much."""
     lines = said.read_text(encoding="utf-8").splitlines()
     if "cameras" in lines:
-        # COLMAP begins with two photos; a second model begins to count anew.
-        start = max(
-            (n for n, line in enumerate(lines) if line == "two cameras"), default=len(lines)
-        )
-        return "cameras", min(len(lines) - start + 1, photos) if start < len(lines) else 0, photos
+        # COLMAP begins with two photos, and again with a second model.
+        models = "\n".join(lines).split("two cameras")
+        return "cameras", min(models[-1].count("camera") + 2, photos) * (len(models) > 1), photos
     step, table, total = "features", "descriptors", photos
     if "matches" in lines:
         step, table, total = "matches", "matches", pairs
