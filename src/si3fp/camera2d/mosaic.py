@@ -1,8 +1,9 @@
 """C.3 without a radiance field: photos rectified onto the facade and blended.
 
 Sharp where the facade is flat; what stands out of the plane or behind it appears displaced by its
-parallax, as in the StreetView path. Poses from bundle adjustment are exact to a fraction of a
-pixel, so there is no registration.
+parallax, as in the StreetView path, but less: at every place only the few photos vote that look at
+it straight on. Poses from bundle adjustment are exact to a fraction of a pixel, so there is no
+registration.
 """
 
 from __future__ import annotations
@@ -10,23 +11,20 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
 from si3fp.blend import blend
+from si3fp.camera2d.choice import best_places
 from si3fp.camera2d.facade_plane import FacadePlane
-from si3fp.camera2d.render import RenderedFacade, covered
-from si3fp.camera2d.visibility import BoolLattice, lattice_pixels, on_grid, seen_from
+from si3fp.camera2d.rectify import rectify_photo
+from si3fp.camera2d.render import RenderedFacade, count_photos, covered
+from si3fp.camera2d.visibility import BoolLattice, on_grid, seen_from
 from si3fp.config import MosaicConfig
-from si3fp.errors import FacadeError, InputError
+from si3fp.errors import FacadeError
 from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.rigid import FloatArray
-from si3fp.model import FacadeViews, Image, LoadImage, OrthoImage, Photo, SparsePoints
-from si3fp.ortho import view_distances, view_weight, within_obliqueness
-
-TILE_PX = 256
-"""Tiles of the grid, each with its own factor of averaging: an oblique photo is several times
-finer at its near end than at its far end."""
+from si3fp.model import FacadeViews, LoadImage, OrthoImage, Photo, SparsePoints
+from si3fp.ortho import view_weight
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,13 +34,15 @@ class MosaicRendering:
     Attributes
     ----------
     views
-        One rectified photo each, best first.
+        One rectified photo each, best first, valid where it is among the best of its place.
     fused
-        Their robust blend, with `RenderedFacade`'s rule of coverage.
+        Their robust blend. ``seen_by`` counts all photos; ``valid`` where at least two did and two
+        are in the blend.
     cameras_in_facade
         Optical centre (3,) in the facade frame by view id.
     seen_from
-        Places seen by view id, see `si3fp.camera2d.visibility.seen_from`.
+        By photo id the places seen, of all photos that see any, see
+        `si3fp.camera2d.visibility.seen_from`.
     """
 
     views: FacadeViews
@@ -91,187 +91,43 @@ def render_mosaic(
         If no photo shows the facade.
     """
     sights = seen_from(plane, grid, photos, occluders, points, config)
-    chosen = choose_photos(photos, sights, grid, config)
-    if not chosen:
+    places = best_places(photos, sights, grid, config)
+    if not places:
         raise FacadeError(
             f"None of {len(photos)} photos shows {plane.facade_id}: it lies outside of them, "
             f"behind other walls, or is seen at more than {config.max_obliqueness_deg:g} degrees "
             "to its normal."
         )
+    by_id = {photo.id: photo for photo in photos}
     views = []
-    progress("mosaic", 0, len(chosen))
-    for done, photo in enumerate(chosen, start=1):
-        view = rectify_photo(photo, load(photo.id), grid, config)
-        views.append(replace(view, valid=view.valid & on_grid(sights[photo.id], grid)))
-        progress("mosaic", done, len(chosen))
-    weights = [view_weight(p, grid) * np.float32(p.camera.fx_px * p.camera.fy_px) for p in chosen]
-    fused = replace(blend(views, weights), source="mosaic")
+    progress("mosaic", 0, len(places))
+    for done, (name, best) in enumerate(places.items(), start=1):
+        view = rectify_photo(by_id[name], load(name), grid, config)
+        views.append(replace(view, valid=view.valid & on_grid(best, grid)))
+        progress("mosaic", done, len(places))
     facade_from_world = grid.world_from_facade.inverse()
     return MosaicRendering(
         FacadeViews(plane.facade_id, grid, tuple(views)),
-        covered(fused, config.min_photos),
-        {photo.id: facade_from_world.apply(photo.centre_in_world) for photo in chosen},
-        {photo.id: sights[photo.id] for photo in chosen},
+        _blended(views, [by_id[name] for name in places], sights, grid, config),
+        {name: facade_from_world.apply(by_id[name].centre_in_world) for name in places},
+        {name: sight for name, sight in sights.items() if sight.any()},
     )
 
 
-def choose_photos(
+def _blended(
+    views: Sequence[OrthoImage],
     photos: Sequence[Photo],
-    seen: Mapping[str, BoolLattice],
+    sights: Mapping[str, BoolLattice],
     grid: FacadeGrid,
     config: MosaicConfig,
-) -> list[Photo]:
-    """The photos that together show a facade best, best first, at most `max_views`.
-
-    Parameters
-    ----------
-    photos
-        Candidates.
-    seen
-        From `si3fp.camera2d.visibility.seen_from`.
-    grid
-        The facade's grid: resolution beyond it is worth nothing.
-    config
-        Number of photos and the least share of the facade that one must show.
-
-    Notes
-    -----
-    Greedy: the worth of a place is ``log(1 + sum of q**2)`` over the photos that show it, q being
-    the resolution there over that of the grid, at most 1. The first photos cover the facade,
-    further ones go where it is still shown poorly. Equal photos are taken in order of their ids.
-    """
-    nodes = lattice_pixels(grid)
-    worth = {}
-    for photo in sorted(photos, key=lambda each: each.id):
-        sight = seen[photo.id]
-        if sight.mean() < config.min_seen:
-            continue
-        distances_m, cosines = view_distances(photo, grid, nodes)
-        # Pixels of the photo in a pixel of the grid.
-        pixels = photo.camera.fx_px * photo.camera.fy_px * np.maximum(cosines, 0.0)
-        density = pixels * (grid.m_per_px / np.maximum(distances_m, 1e-9)) ** 2
-        worth[photo.id] = np.minimum(density, 1.0) * sight
-    by_id = {photo.id: photo for photo in photos}
-    chosen: list[Photo] = []
-    total = np.zeros(nodes.shape[:2])
-    while worth and len(chosen) < config.max_views:
-        gains = {name: float(np.log1p(w / (1 + total)).sum()) for name, w in worth.items()}
-        best = max(gains, key=gains.__getitem__)
-        total += worth.pop(best)
-        chosen.append(by_id[best])
-    return chosen
-
-
-def rectify_photo(photo: Photo, image: Image, grid: FacadeGrid, config: MosaicConfig) -> OrthoImage:
-    """The facade as this photo shows it, orthographic, on the grid.
-
-    Parameters
-    ----------
-    photo
-        Camera and pose.
-    image
-        (H, W, 3) RGB, free of lens distortion.
-    grid
-        Grid on the facade's plane.
-    config
-        Largest viewing angle to the facade normal.
-
-    Returns
-    -------
-    OrthoImage with ``valid`` False outside the photo, behind the camera and beyond
-    ``max_obliqueness_deg``; occlusion plays no part.
-
-    Raises
-    ------
-    InputError
-        If the image has not the camera's size.
-
-    Notes
-    -----
-    SI3FP, Algorithm 1, for a pinhole: a plane and a photo of it differ by a homography, evaluated
-    at pixel centres. Where the photo is finer than the grid it is averaged down along each of its
-    axes, so that it does not alias.
-    """
-    camera = photo.camera
-    if image.shape != (camera.height_px, camera.width_px, 3):
-        raise InputError(
-            f"Photo {photo.id} has {image.shape[1]} x {image.shape[0]} px, its camera "
-            f"{camera.width_px} x {camera.height_px}; use the photos that the poses belong to."
-        )
-    homography = _photo_from_grid(photo, grid)
-    valid = within_obliqueness(photo, grid, config.max_obliqueness_deg)
-    rgb = np.zeros((grid.height_px, grid.width_px, 3), np.uint8)
-    for top in range(0, grid.height_px, TILE_PX):
-        for left in range(0, grid.width_px, TILE_PX):
-            tile = np.s_[top : top + TILE_PX, left : left + TILE_PX]
-            _rectify_tile(image, homography, (left, top), rgb[tile], valid[tile])
-    return OrthoImage(photo.id, rgb, valid)
-
-
-def _photo_from_grid(photo: Photo, grid: FacadeGrid) -> FloatArray:
-    """(3, 3) homography from grid pixels to photo pixels; its third row is the depth in metres."""
-    camera, cam_from_facade = photo.camera, photo.cam_from_world @ grid.world_from_facade
-    facade_from_grid = np.array(
-        [[grid.m_per_px, 0.0, 0.0], [0.0, -grid.m_per_px, grid.height_m], [0.0, 0.0, 1.0]]
+) -> OrthoImage:
+    weights = [view_weight(p, grid) * np.float32(p.camera.fx_px * p.camera.fy_px) for p in photos]
+    fused = blend(views, weights)
+    used = np.sum([view.valid for view in views], axis=0)
+    fused = replace(
+        fused,
+        source="mosaic",
+        valid=used >= config.min_photos,
+        seen_by=count_photos(sights, grid),
     )
-    cam_from_plane = np.column_stack([cam_from_facade.rotation[:, :2], cam_from_facade.translation])
-    photo_from_cam = np.array(
-        [[camera.fx_px, 0.0, camera.cx_px], [0.0, camera.fy_px, camera.cy_px], [0.0, 0.0, 1.0]]
-    )
-    homography: FloatArray = photo_from_cam @ cam_from_plane @ facade_from_grid
-    return homography
-
-
-def _rectify_tile(
-    image: Image,
-    homography: FloatArray,
-    corner_px: tuple[int, int],
-    rgb: Image,
-    valid: BoolLattice,
-) -> None:
-    """Fill one tile of the grid in place, and take from its valid pixels those not in the photo."""
-    rows, columns = valid.shape
-    x = corner_px[0] + np.arange(columns) + 0.5
-    y = (corner_px[1] + np.arange(rows) + 0.5)[:, None]
-    u, v, depth = (row[0] * x + row[1] * y + row[2] for row in homography)
-    valid &= depth > 0
-    depth = np.where(depth > 0, depth, 1.0)
-    u /= depth
-    v /= depth
-    sizes = image.shape[1::-1]
-    valid &= (u > 0) & (u < sizes[0]) & (v > 0) & (v < sizes[1])
-    if not valid.any():
-        return
-    shrink = [
-        _averaging_factor(homography[axis], homography[2], at[valid], depth[valid])
-        for axis, at in enumerate((u, v))
-    ]
-    for at, factor, length in zip((u, v), shrink, sizes, strict=True):
-        # Nothing is extrapolated beyond the middle of the first and last averaged pixel.
-        valid &= (at >= factor / 2) & (at <= length // factor * factor - factor / 2)
-    if not valid.any():
-        return
-    # The window starts at a multiple of the factor: neighbouring tiles average the same pixels.
-    spans = []
-    for at, factor, length in zip((u, v), shrink, sizes, strict=True):
-        low = max(0, int(at[valid].min() / factor) - 1) * factor
-        high = min(length, (int(at[valid].max() / factor) + 2) * factor)
-        spans.append((low, low + max(1, (high - low) // factor) * factor))
-    (x0, x1), (y0, y1) = spans
-    size = ((x1 - x0) // shrink[0], (y1 - y0) // shrink[1])
-    source = cv2.resize(image[y0:y1, x0:x1], size, interpolation=cv2.INTER_AREA)
-    # cv2 puts (0, 0) at the centre of the first pixel.
-    map_x = ((u - x0) / shrink[0] - 0.5).astype(np.float32)
-    map_y = ((v - y0) / shrink[1] - 0.5).astype(np.float32)
-    sampled = cv2.remap(source, map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    rgb[valid] = sampled[valid]
-
-
-def _averaging_factor(
-    row: FloatArray, depth_row: FloatArray, at_px: FloatArray, depth_m: FloatArray
-) -> int:
-    """Whole number of photo pixels along one of its axes that a grid pixel of the tile spans."""
-    across = np.abs(row[0] - at_px * depth_row[0]) / depth_m
-    down = np.abs(row[1] - at_px * depth_row[1]) / depth_m
-    scale = max(float(np.median(across)), float(np.median(down)))
-    return max(1, int(scale + 0.25))
+    return covered(fused, config.min_photos)

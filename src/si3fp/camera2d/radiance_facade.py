@@ -8,8 +8,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
+from si3fp.camera2d.choice import choose_photos
 from si3fp.camera2d.facade_plane import FacadePlane
-from si3fp.camera2d.mosaic import choose_photos
 from si3fp.camera2d.radiance import RadianceField
 from si3fp.camera2d.render import RenderedFacade, count_photos, covered
 from si3fp.camera2d.visibility import BoolLattice, seen_from
