@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from tests.scenes.recessed import BALCONY_DEPTH_M, rendered
 
-from si3fp.model import Detections, OrthoImage
-from si3fp.windows.balcony import SLAB_M, complete_doors, find_balconies
+from si3fp.model import Detections, OrthoImage, Window
+from si3fp.windows.balcony import SLAB_M, complete_doors, complete_inferred, find_balconies
 from si3fp.windows.fuse import FusedDetections
 
 CAMERAS = {name: np.array([x, 3.0, 7.0]) for name, x in (("a", 2.0), ("b", 4.0), ("c", 6.0))}
@@ -99,6 +99,22 @@ def test_of_two_openings_above_one_balcony_none_is_changed():
 
 def test_a_door_whose_foot_shows_stays():
     assert completed([[340, 180, 440, 405]]).detections.boxes_px[0, 3] == 405
+
+
+def test_an_inferred_window_above_a_balcony_is_its_door():
+    render = rendered([], 0.1, CAMERAS, balconies=[FRONT])
+    balconies, _ = find_balconies(render.ortho, DOOR_PX, 0.0, 0.01)
+    unseen = np.zeros(render.ortho.valid.shape, bool)
+    inferred = Window(3.4, 3.0, 1.0, 1.2, origin="inferred", evidence="not detected")
+    beside = Window(6.0, 3.0, 1.0, 1.2, origin="inferred")
+    door, other = complete_inferred([inferred, beside], balconies, unseen, render.grid)
+    assert (door.y_m, door.y_m + door.height_m) == pytest.approx((1.8 + SLAB_M, 4.2), abs=0.02)
+    assert door.label == "balcony_door"
+    assert "completed to its floor" in door.evidence
+    assert other is beside
+    detected = Window(3.4, 3.0, 1.0, 1.2)
+    assert complete_inferred([detected], balconies, unseen, render.grid) == (detected,)
+    assert complete_inferred([], balconies, unseen, render.grid) == ()
 
 
 def test_a_front_above_which_nobody_saw_is_a_balcony():

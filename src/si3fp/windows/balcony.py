@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.rigid import FloatArray
-from si3fp.model import Detections, OrthoImage
+from si3fp.model import Detections, OrthoImage, Window
 from si3fp.windows.depth import known_depth, share_within
 from si3fp.windows.fuse import FusedDetections
 from si3fp.windows.measure import BALCONY_DOOR_HEIGHT_M
+from si3fp.windows.regular import edges_of
 
 BALCONY_M = 0.6
 """Balconies stand out at least so far: one can stand on them."""
@@ -127,6 +130,45 @@ def complete_doors(
         notes[door] = f"{notes[door]}; {words}" if notes[door] else words
     detections = replace(found.detections, boxes_px=boxes, edge_sigma_px=sigma)
     return FusedDetections(detections, found.views, tuple(notes))
+
+
+def complete_inferred(
+    windows: Sequence[Window],
+    balconies: Detections,
+    wall_seen: NDArray[np.bool_],
+    grid: FacadeGrid,
+) -> tuple[Window, ...]:
+    """The same windows; an inferred one alone above a balcony is its door down to the floor.
+
+    Parameters
+    ----------
+    windows
+        All windows of the facade.
+    balconies, wall_seen
+        As in `complete_doors`.
+    grid
+        Grid of the facade.
+    """
+    edges_m = edges_of(windows)
+    corners = [grid.pixels_from_facade(edges_m[:, side]) for side in ([0, 3], [1, 2])]
+    boxes = np.concatenate(corners, axis=1)
+    result = list(windows)
+    for balcony in balconies.boxes_px:
+        doors = _doors_of(balcony, boxes, wall_seen, grid.m_per_px)
+        if len(doors) != 1 or windows[doors[0]].origin != "inferred":
+            continue
+        window = windows[doors[0]]
+        floor_m = float(grid.facade_from_pixels(balcony[2:])[1]) + SLAB_M
+        if floor_m < window.y_m:
+            result[doors[0]] = replace(
+                window,
+                y_m=floor_m,
+                height_m=window.y_m + window.height_m - floor_m,
+                label="balcony_door",
+                edge_sigma_m=(*window.edge_sigma_m[:2], SLAB_SIGMA_M, window.edge_sigma_m[3]),
+                evidence=f"{window.evidence}; the door of a balcony, completed to its floor",
+            )
+    return tuple(result)
 
 
 def _doors_of(

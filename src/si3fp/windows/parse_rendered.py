@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from si3fp.geometry.boxes import iou_matrix
 from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Detections, OrthoImage, Window
-from si3fp.windows.balcony import complete_doors, find_balconies
+from si3fp.windows.balcony import complete_doors, complete_inferred, find_balconies
 from si3fp.windows.bias import render_lever
 from si3fp.windows.depth import (
     IN_FRONT_M,
@@ -105,7 +106,7 @@ def parse_rendered(
             these, balconies.select(sure), grid, cameras_in_facade, measure, depths, levers
         )
 
-    windows = find_windows(
+    openings = find_windows(
         FusedDetections(boxes, tuple(_views(box, seen_from, grid) for box in boxes.boxes_px)),
         ortho,
         shows.astype(np.float32),
@@ -116,9 +117,10 @@ def parse_rendered(
         measured,
         fusion.min_score,
     )
-    interval = interval_of(windows, ortho, grid, detector.wwr_errors)
+    windows = complete_inferred(openings.windows, deep, shows, grid)
+    interval = interval_of(replace(openings, windows=windows), ortho, grid, detector.wwr_errors)
     return ParsedFacade(
-        windows.windows,
+        windows,
         per_view={},
         on_fused=_together(found.select(found.labels != "balcony"), balconies),
         picture=ortho,
