@@ -13,6 +13,8 @@ from si3fp.config import PlaneConfig
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Footprint
 
+_MAP_SIGMA_M = 0.6  # of a footprint's corner; a corner of the points so near is better
+
 
 @dataclass(frozen=True, slots=True)
 class EdgeWall:
@@ -69,7 +71,7 @@ def assign_to_edges(
     within `PlaneConfig.edge_offset_m` of it and beside at least half of it or of
     `PlaneConfig.min_width_m`. A wall in front of several edges is cut at their ends; of edges
     beside the same part the nearest has it. The outermost walls of an edge reach its corners,
-    unless a corner of the points lies within `PlaneConfig.corner_m`.
+    unless the walls themselves have a corner as near as maps are right.
     """
     edges = [
         _Edge(footprint, index, start, end)
@@ -87,7 +89,7 @@ def assign_to_edges(
             by_edge.setdefault(index, []).append(piece)
     pieces = []
     for index in sorted(by_edge):
-        own = _to_corners(by_edge[index], walls, edges[index], config)
+        own = _to_corners(by_edge[index], walls, edges[index])
         pieces += sorted(own, key=lambda piece: -piece.width_m)
     return pieces, homeless
 
@@ -141,7 +143,7 @@ def _cut(number: int, wall: EdgeWall, edge: _Edge, left_m: float, right_m: float
 
 
 def _to_corners(
-    pieces: Sequence[EdgePiece], walls: Sequence[EdgeWall], edge: _Edge, config: PlaneConfig
+    pieces: Sequence[EdgePiece], walls: Sequence[EdgeWall], edge: _Edge
 ) -> list[EdgePiece]:
     """The pieces of one edge, the outermost ones reaching its corners."""
     first = min(pieces, key=lambda piece: _on_edge(piece, walls, edge, piece.left))
@@ -151,17 +153,17 @@ def _to_corners(
         corners = walls[piece.wall].line.coordinates(np.stack([edge.start, edge.end]))[:, 0]
         left, right = piece.left, piece.right
         if piece is first:
-            left = _corner(left, float(corners[0]), config)
+            left = _corner(left, float(corners[0]))
         if piece is last:
-            right = _corner(right, float(corners[1]), config)
+            right = _corner(right, float(corners[1]))
         found.append(
             EdgePiece(piece.wall, piece.footprint, piece.edge_index, left, right, piece.offset_note)
         )
     return found
 
 
-def _corner(side: Side, corner_m: float, config: PlaneConfig) -> Side:
-    if "corner" in side.rests_on and abs(side.at_m - corner_m) <= config.corner_m:
+def _corner(side: Side, corner_m: float) -> Side:
+    if "corner" in side.rests_on and abs(side.at_m - corner_m) <= _MAP_SIGMA_M:
         return side
     gap_m = abs(side.at_m - corner_m)
     return Side(corner_m, f"the footprint's corner, {gap_m:.1f} m from {side.rests_on}")

@@ -133,25 +133,39 @@ def _why_not(wall: _Wall, points: WallPoints, config: PlaneConfig) -> str:
     """Why a wall is no facade, empty if it is one."""
     run = wall.run
     views = points.views_of(run.members)
-    looking = int((views >= _MIN_SIGHTS).sum())
+    looking = len(_looking(run, points))
     front = run.line.coordinates(points.centres_in_world)[:, 1]
     far_m = float(np.median(np.repeat(np.abs(front), views)))
     bottom_m = float(np.quantile(points.points_in_world[run.members, 2], 0.02)) - wall.ground.at_m
-    reasons = {
-        f"narrower than {config.min_width_m:g} m": wall.width_m < config.min_width_m,
-        f"lower than {config.min_height_m:g} m": wall.height_m < config.min_height_m,
-        f"only {len(run.members)} points lie on it, {config.min_points} are needed": len(
-            run.members
-        )
-        < config.min_points,
-        f"only {looking} photos look at it, {config.min_photos} are needed": looking
-        < config.min_photos,
-        f"the photos stand {far_m:.0f} m away, the limit is {config.max_distance_m:g} m": far_m
-        > config.max_distance_m,
-        f"only what lies {bottom_m:.1f} m above the ground or higher is seen of it": bottom_m
-        > config.max_bottom_m,
-    }
-    return next((reason + "." for reason, holds in reasons.items() if holds), "")
+    count = len(run.members)
+    reasons = (
+        (wall.width_m < config.min_width_m, f"narrower than {config.min_width_m:g} m."),
+        (wall.height_m < config.min_height_m, f"lower than {config.min_height_m:g} m."),
+        (
+            count < config.min_points,
+            f"only {count} points lie on it, {config.min_points} are needed.",
+        ),
+        (
+            looking < config.min_photos,
+            f"only {looking} photos look at it, {config.min_photos} are needed.",
+        ),
+        (
+            far_m > config.max_distance_m,
+            f"the photos stand {far_m:.0f} m away, the limit is {config.max_distance_m:g} m.",
+        ),
+        (
+            bottom_m > config.max_bottom_m,
+            f"only what lies {bottom_m:.1f} m above the ground or higher is seen of it.",
+        ),
+    )
+    return next((reason for holds, reason in reasons if holds), "")
+
+
+def _looking(run: WallRun, points: WallPoints) -> list[int]:
+    """Indices of the photos before a wall that saw points of it."""
+    front = run.line.coordinates(points.centres_in_world)[:, 1]
+    seen = (points.views_of(run.members) >= _MIN_SIGHTS) & (front > 0)
+    return [int(number) for number in np.flatnonzero(seen)]
 
 
 def _named_by_bearing(walls: Sequence[_Wall], points: WallPoints) -> tuple[FacadePlane, ...]:
@@ -227,8 +241,6 @@ def _plane(
     rotation = np.zeros((3, 3))
     rotation[:2, 0], rotation[2, 1], rotation[:2, 2] = line.along, 1.0, line.outward
     corner = np.array([*(line.foot_in_world + wall.left.at_m * line.along), wall.ground.at_m])
-    views = points.views_of(wall.run.members)
-    looking = np.flatnonzero(views >= _MIN_SIGHTS)
     sides = (
         ("left end", wall.left),
         ("right end", wall.right),
@@ -242,7 +254,7 @@ def _plane(
         Rigid3(rotation, corner),
         wall.width_m,
         wall.height_m,
-        tuple(points.photo_ids[number] for number in looking),
+        tuple(points.photo_ids[number] for number in _looking(wall.run, points)),
         (
             f"plane: {len(wall.run.members)} points, {wall.run.rms_m:.3f} m from it (RMS)",
             *(f"{name}: {side.rests_on}" for name, side in sides),

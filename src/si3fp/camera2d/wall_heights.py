@@ -168,7 +168,7 @@ def _tapers(shares: FloatArray) -> bool:
 
 def _beside(runs: Sequence[WallRun]) -> list[list[int]]:
     """For every wall the ones that end near its ends."""
-    ends = np.array([run.ends_in_world for run in runs])
+    ends = np.array([run.ends_in_world for run in runs]).reshape(-1, 2, 2)
     gaps = np.linalg.norm(ends[:, None, :, None] - ends[None, :, None, :], axis=-1)
     near = gaps.min(axis=(2, 3)) <= _BESIDE_M
     return [[int(b) for b in np.flatnonzero(row) if b != a] for a, row in enumerate(near)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from si3fp.camera2d.wall_points import IntArray, WallPoints
+from si3fp.camera2d.wall_points import IntArray, WallPoints, cell_weights
 from si3fp.config import PlaneConfig
 from si3fp.geometry.rigid import FloatArray
 
 _REFITS = 4
 _MIN_FITTED = 8
+_PER_CELL = 4
 _CROSSING = 0.35  # sine of the angle between lines that cross
 _BAND_M = 0.3  # frames, sills and surrounds about a wall
 _GROWTH = 1.5  # by which a line's reach is multiplied until it covers all points that go on
@@ -77,24 +79,28 @@ def find_wall_lines(points: WallPoints, config: PlaneConfig) -> list[WallLine]:
     along itself as far as points go on without a gap, takes its points away, and the next follows.
     A point belongs to one line at most, and the relief of a wall to no line that crosses it.
     """
-    free = np.ones(len(points.weights), dtype=np.bool_)
-    seeds = _seeds(points.points_in_world, config)
-    tree = cKDTree(points.points_in_world[:, :2])
-    proposals = [_proposal(points, tree, seed, free, config) for seed in seeds]
-    waiting = {n: proposal for n, proposal in enumerate(proposals) if proposal is not None}
+    places, weights = points.points_in_world, points.weights
+    free = np.ones(len(weights), dtype=np.bool_)
+    seeds = _seeds(places, config)
+    few = _few_per_cell(places, config)
+    tree = cKDTree(places[few, :2])
+
+    def propose(seed: FloatArray) -> tuple[float, PlanLine] | None:
+        near = few[np.array(tree.query_ball_point(seed, config.seed_radius_m), dtype=np.intp)]
+        near = near[free[near]]
+        return _proposal(places[near], cell_weights(places[near], config.cell_m), seed, config)
+
+    waiting = [(-np.inf, number) for number in range(len(seeds))]  # a heap, the best first
     found: list[WallLine] = []
     while waiting:
-        best = max(waiting, key=lambda n: (waiting[n][0], -n))
-        score = waiting[best][0]
-        fresh = _proposal(points, tree, seeds[best], free, config)
-        if fresh is None:
-            del waiting[best]
+        expected, number = heapq.heappop(waiting)
+        proposal = propose(seeds[number])
+        if proposal is None:
             continue
-        if fresh[0] < score - 1e-9:  # some of its points are gone: it queues again
-            waiting[best] = fresh
+        if -proposal[0] > expected + 1e-9:  # not yet known, or some of its points are gone
+            heapq.heappush(waiting, (-proposal[0], number))
             continue
-        del waiting[best]
-        grown = _grown(points, seeds[best], fresh[1], free, config)
+        grown = _grown(points, seeds[number], proposal[1], free, config)
         if grown is not None:
             found.append(grown)
             free[grown.members] = False
@@ -125,27 +131,31 @@ def _seeds(points: FloatArray, config: PlaneConfig) -> list[FloatArray]:
     return list((tall + 0.5) * config.cell_m)
 
 
+def _few_per_cell(points: FloatArray, config: PlaneConfig) -> IntArray:
+    """Indices of the first points of every cube: more tell a proposal nothing."""
+    cells = np.floor(points / config.cell_m).astype(np.int64)
+    _, cell = np.unique(cells, axis=0, return_inverse=True)
+    order = np.argsort(cell.reshape(-1), kind="stable")
+    ordered = cell.reshape(-1)[order]
+    first = np.flatnonzero(np.diff(ordered, prepend=-1))
+    rank = np.arange(len(order)) - np.repeat(first, np.diff([*first, len(order)]))
+    return np.sort(order[rank < _PER_CELL])
+
+
 def _proposal(
-    points: WallPoints,
-    tree: cKDTree,
-    seed: FloatArray,
-    free: NDArray[np.bool_],
-    config: PlaneConfig,
+    places: FloatArray, weights: FloatArray, seed: FloatArray, config: PlaneConfig
 ) -> tuple[float, PlanLine] | None:
     """Weight of the points on the best line near a seed, and the line; None where there is none."""
-    near = np.array(tree.query_ball_point(seed, config.seed_radius_m), dtype=np.intp)
-    near = near[free[near]]
-    if len(near) < 8:
+    if len(places) < _MIN_FITTED:
         return None
-    gap = points.points_in_world[near, :2] - seed
     angles = np.deg2rad(np.arange(0.0, 180.0, config.seed_step_deg))
     normals = np.stack([np.cos(angles), np.sin(angles)])
     width = 2 * config.inlier_m
     reach = int(np.ceil(config.cell_m / width)) + 1
-    offset = np.floor(gap @ normals / width).astype(np.intp)  # (n, A)
+    offset = np.floor((places[:, :2] - seed) @ normals / width).astype(np.intp)  # (n, A)
     inside = np.abs(offset + 0.5) < reach
     bins = (offset + reach) * len(angles) + np.arange(len(angles))
-    weight = np.broadcast_to(points.weights[near][:, None], bins.shape)
+    weight = np.broadcast_to(weights[:, None], bins.shape)
     votes = np.bincount(bins[inside], weights=weight[inside], minlength=2 * reach * len(angles))
     best = int(votes.argmax())
     score = float(votes[best])

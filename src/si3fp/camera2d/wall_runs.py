@@ -8,7 +8,7 @@ frames and gutters support few rows, hence lose against the wall, and a change o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,10 @@ from si3fp.config import PlaneConfig
 from si3fp.geometry.rigid import FloatArray
 
 _ROBUST_REFITS = 5
+_MAX_BEND_DEG = 1.5  # of a long wall in a bent reconstruction
+_PARALLEL_SINE = 0.1  # of two lines whose intersection says nothing
+_CROSSED_M = 0.3  # by which walls cross that do not just meet
 _MIN_MEMBERS = 8  # points of a stretch
-_MAX_BEND_DEG = 3.0
 _END_COLUMN_M = 0.25
 _END_SHARE = 0.25  # of the usual rows of points above one another
 
@@ -65,20 +67,41 @@ class WallRun:
 
 
 def find_walls(points: WallPoints, config: PlaneConfig) -> list[WallRun]:
-    """Stretches of walls that share no place along them, the longest first."""
+    """Stretches of walls that share no place along them and cross none, the longest first."""
     runs = cut_into_runs(find_wall_lines(points, config), points, config)
-    return [run for run in runs if _is_flat(run, points, config)]
+    kept: list[WallRun] = []
+    for run in sorted(runs, key=lambda run: -len(run.members)):
+        kept.append(_uncrossed(run, kept, points))
+    return sorted(kept, key=lambda run: (-run.width_m, run.line.foot_in_world.tolist()))
 
 
 def cut_into_runs(
     walls: Sequence[WallLine], points: WallPoints, config: PlaneConfig
 ) -> list[WallRun]:
-    """Stretches of these lines that share no place along them, the longest first."""
-    runs = []
-    for group in _parallel_groups(walls, points, config):
-        runs += _runs_of(group, points, config)
-    runs.sort(key=lambda run: (-run.width_m, run.line.foot_in_world.tolist()))
-    return runs
+    """Stretches of these lines, of which no two parallel ones share a place along them."""
+    groups = _parallel_groups(walls, points, config)
+    return [run for group in groups for run in _runs_of(group, points, config)]
+
+
+def _uncrossed(run: WallRun, others: Sequence[WallRun], points: WallPoints) -> WallRun:
+    """The longer part of a wall on one side of the stronger ones that it crosses."""
+    for other in others:
+        sine = float(run.line.along @ other.line.outward)
+        if abs(sine) < _PARALLEL_SINE:
+            continue
+        gap = other.line.foot_in_world - run.line.foot_in_world
+        at_m = float(gap @ other.line.outward) / sine
+        on_other = other.line.coordinates(run.line.foot_in_world + at_m * run.line.along)[0]
+        inside = min(at_m - run.left_m, run.right_m - at_m)
+        if min(inside, on_other - other.left_m, other.right_m - on_other) < _CROSSED_M:
+            continue
+        if at_m - run.left_m > run.right_m - at_m:
+            run = replace(run, right_m=at_m)
+        else:
+            run = replace(run, left_m=at_m)
+        along = run.line.coordinates(points.points_in_world[run.members])[:, 0]
+        run = replace(run, members=run.members[(along >= run.left_m) & (along <= run.right_m)])
+    return run
 
 
 def _is_flat(run: WallRun, points: WallPoints, config: PlaneConfig) -> bool:
@@ -120,7 +143,12 @@ def _runs_of(group: Sequence[WallLine], points: WallPoints, config: PlaneConfig)
     along = [axis.coordinates(points.points_in_world[wall.members])[:, 0] for wall in group]
     lowest = min(float(one.min()) for one in along)
     count = int((max(float(one.max()) for one in along) - lowest) / config.cell_m) + 1
-    support = np.array([_flat_rows(wall, axis, lowest, count, points, config) for wall in group])
+    loose = np.ones(len(points.weights), dtype=np.bool_)
+    for wall in group:
+        loose[wall.members] = False
+    support = np.array(
+        [_flat_rows(wall, loose, axis, lowest, count, points, config) for wall in group]
+    )
     support = _without_relief(support, group, points, config)
     empty = np.full((1, count), config.min_rows)
     labels = best_labels(np.concatenate([support, empty]), config.change_rows)
@@ -135,31 +163,43 @@ def _runs_of(group: Sequence[WallLine], points: WallPoints, config: PlaneConfig)
         if len(members) < _MIN_MEMBERS:
             continue
         run = _fitted(members, wall, points, config)
+        if not _is_flat(run, points, config):
+            continue
         if runs and _goes_on(runs[-1], run, config):
-            before = runs.pop()
-            larger = max(before, run, key=lambda one: len(one.members))
-            run = _fitted(np.concatenate([before.members, run.members]), larger, points, config)
+            run = _joined(runs.pop(), run, points, config)
         runs.append(run)
     return runs
 
 
+def _joined(first: WallRun, second: WallRun, points: WallPoints, config: PlaneConfig) -> WallRun:
+    """One wall of two stretches, on the plane of the longer one."""
+    longer = max(first, second, key=lambda run: run.width_m)
+    members = np.concatenate([first.members, second.members])
+    front = longer.line.coordinates(points.points_in_world[members])[:, 1]
+    run = _fitted(members[np.abs(front) <= config.inlier_m], longer, points, config)
+    ends = np.concatenate([first.ends_in_world, second.ends_in_world])
+    along = run.line.coordinates(ends)[:, 0]
+    return replace(run, members=members, left_m=float(along.min()), right_m=float(along.max()))
+
+
 def _flat_rows(
     wall: WallLine,
+    loose: NDArray[np.bool_],
     axis: PlanLine,
     lowest: float,
     count: int,
     points: WallPoints,
     config: PlaneConfig,
 ) -> FloatArray:
-    """Rows of cells (B,) in which a wall has a face: hedges scatter their points about it."""
+    """Rows of cells (B,) in which a wall has a face: hedges scatter loose points about it."""
+    mine = np.zeros(len(points.weights), dtype=np.bool_)
+    mine[wall.members] = True
     front = np.abs(wall.line.coordinates(points.points_in_world)[:, 1])
-    near = np.flatnonzero((front <= config.relief_m) & ~wall.crossed)
+    near = np.flatnonzero(mine | ((front <= config.relief_m) & loose & ~wall.crossed))
     along = axis.coordinates(points.points_in_world[near])[:, 0]
     column = np.floor((along - lowest) / config.cell_m).astype(np.int64)
     row = np.floor(points.points_in_world[near, 2] / config.cell_m).astype(np.int64)
     inside = (column >= 0) & (column < count)
-    mine = np.zeros(len(points.weights), dtype=np.bool_)
-    mine[wall.members] = True
     cells, cell = np.unique(np.stack([column[inside], row[inside]]), axis=1, return_inverse=True)
     every = np.bincount(cell.reshape(-1))
     own = np.bincount(cell.reshape(-1), weights=mine[near][inside])
@@ -168,14 +208,13 @@ def _flat_rows(
 
 
 def _goes_on(first: WallRun, second: WallRun, config: PlaneConfig) -> bool:
-    """Whether two stretches side by side are one wall: no gap, no step, no bend."""
-    if first.line.outward @ second.line.outward < np.cos(np.deg2rad(_MAX_BEND_DEG)):
-        return False
-    a, b = first.line.coordinates(second.ends_in_world)[:, 0], second.ends_in_world
-    gap = max(float(a.min()) - first.right_m, first.left_m - float(a.max()))
-    nearest = b[0] if a[0] >= first.right_m - config.cell_m else b[1]
-    step = abs(float(first.line.coordinates(nearest)[1]))
-    return gap <= config.gap_m and step <= config.min_step_m
+    """Whether two stretches side by side are one wall: no gap, and no step or bend to speak of."""
+    shorter, longer = sorted((first, second), key=lambda run: run.width_m)
+    along, front = longer.line.coordinates(shorter.ends_in_world).T
+    gap = max(float(along.min()) - longer.right_m, longer.left_m - float(along.max()))
+    straight = first.line.outward @ second.line.outward >= np.cos(np.deg2rad(_MAX_BEND_DEG))
+    step = np.abs(front).min() if straight else np.abs(front).max()
+    return bool(gap <= config.gap_m and step <= config.min_step_m)
 
 
 def _without_relief(
