@@ -29,7 +29,7 @@ def write_street(street: Street, folder: Path) -> None:
     for panorama in street.noisy:
         (folder / f"depth/{panorama.id}.b64").write_text(plane_map_text(panorama))
     panoramas = [_panorama_feature(p, street) for p in street.noisy]
-    footprints = [_footprint_feature(footprint, street.origin) for footprint in street.footprints]
+    footprints = [footprint_feature(footprint, street.origin) for footprint in street.footprints]
     _write(folder / "panoramas.geojson", {"type": "FeatureCollection", "features": panoramas})
     _write(folder / "footprints.geojson", {"type": "FeatureCollection", "features": footprints})
     _write(folder / "truth.hbjson", truth_model(street))
@@ -119,7 +119,8 @@ def _panorama_feature(panorama: Panorama, street: Street) -> Json:
     }
 
 
-def _footprint_feature(footprint: Footprint, origin: GeoOrigin) -> Json:
+def footprint_feature(footprint: Footprint, origin: GeoOrigin) -> Json:
+    """One building as the GeoJSON feature of a footprint file."""
     outline = footprint.outline_in_world
     closed = np.concatenate([outline, outline[:1]])
     places = geodetic_from_world(np.column_stack([closed, np.zeros(len(closed))]), origin)

@@ -154,9 +154,9 @@ def _wall_axes(start: FloatArray, end: FloatArray) -> FloatArray:
 
 def build_surfaces(layout: Layout, rng: np.random.Generator) -> list[Surface]:
     """Everything that can be seen, painted; rotated and moved by nothing yet."""
-    surfaces = [_ground(layout, rng)]
+    surfaces = [ground(layout, rng)]
     for house in layout.houses:
-        surfaces.extend(_house_surfaces(house, layout.m_per_px, rng))
+        surfaces.extend(house_surfaces(house, layout.m_per_px, rng))
     for x, y in layout.vehicles:
         surfaces.extend(van(x, y, rng))
     for x, y in layout.trees:
@@ -164,7 +164,8 @@ def build_surfaces(layout: Layout, rng: np.random.Generator) -> list[Surface]:
     return surfaces
 
 
-def _ground(layout: Layout, rng: np.random.Generator) -> Surface:
+def ground(layout: Layout, rng: np.random.Generator) -> Surface:
+    """Road and pavement around everything, two texture pixels of a wall wide each."""
     everything = np.concatenate(
         [house.corners for house in layout.houses] + [layout.cameras[:, :2]]
     )
@@ -184,7 +185,8 @@ def _ground(layout: Layout, rng: np.random.Generator) -> Surface:
     return Surface(corner, axes, span[0], span[1], as_uint8(picture), plane=True)
 
 
-def _house_surfaces(house: House, m_per_px: float, rng: np.random.Generator) -> list[Surface]:
+def house_surfaces(house: House, m_per_px: float, rng: np.random.Generator) -> list[Surface]:
+    """Walls, eaves and roof; windows on edge 0 only."""
     surfaces = []
     overhang, fascia = 0.30, 0.22
     for edge in range(4):

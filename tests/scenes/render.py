@@ -52,7 +52,7 @@ def _pyramid(picture: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
     return levels
 
 
-def _hit(
+def hit_distance(
     surface: Surface, centre: NDArray[np.float64], rays: Float32, behind_m: float = 0.0
 ) -> tuple[Float32, Float32, Float32]:
     """Distance along the rays and place (u, v in metres) on the surface's plane."""
@@ -67,7 +67,8 @@ def _hit(
     return distance, u, v
 
 
-def _inside(surface: Surface, distance: Float32, u: Float32, v: Float32) -> NDArray[np.bool_]:
+def inside(surface: Surface, distance: Float32, u: Float32, v: Float32) -> NDArray[np.bool_]:
+    """Which rays meet the rectangle."""
     return (
         np.isfinite(distance) & (u >= 0) & (u < surface.width_m) & (v >= 0) & (v < surface.height_m)
     )
@@ -127,7 +128,7 @@ def _through_openings(
     in_opening = entered > 0
     if not in_opening.any():
         return in_opening, np.zeros((*u.shape, 3), np.float32)
-    _, deep_u, deep_v = _hit(surface, centre, rays, facade.recess_m)
+    _, deep_u, deep_v = hit_distance(surface, centre, rays, facade.recess_m)
     left = _opening_at(facade, deep_u, deep_v)
     unit = _sample(surface.levels_behind, surface, deep_u, deep_v, in_opening)
     glass = unit[..., 3:] / 255
@@ -158,8 +159,8 @@ def _through_openings(
             np.float32,
         )[entered]
         # Ratio of the way from the wall to the recess plane at which the ray leaves the opening.
-        du, dv = deep_u - u, deep_v - v
         with np.errstate(divide="ignore", invalid="ignore"):
+            du, dv = deep_u - u, deep_v - v
             to_side = np.where(du > 0, (boxes[..., 1] - u) / du, (boxes[..., 0] - u) / du)
             to_head = np.where(dv > 0, (boxes[..., 3] - v) / dv, (boxes[..., 2] - v) / dv)
         side_first = np.nan_to_num(to_side, nan=9) < np.nan_to_num(to_head, nan=9)
@@ -170,7 +171,7 @@ def _through_openings(
     return in_opening, colour.astype(np.float32)
 
 
-def _shade(
+def shade(
     surfaces: list[Surface],
     centre: NDArray[np.float64],
     rays: Float32,
@@ -192,8 +193,8 @@ def _shade(
     )
     nearest = np.full(rays.shape[:2], np.inf, np.float32)
     for surface in surfaces:
-        distance, u, v = _hit(surface, centre, rays)
-        hit = _inside(surface, distance, u, v) & (distance < nearest)
+        distance, u, v = hit_distance(surface, centre, rays)
+        hit = inside(surface, distance, u, v) & (distance < nearest)
         if not hit.any():
             continue
         painted = _sample(surface.levels, surface, u, v, hit)
@@ -244,11 +245,11 @@ def surfaces_hit(
     nearest = np.full(size, np.inf, np.float32)
     crossed = []
     for i, surface in enumerate(surfaces):
-        distance, u, v = _hit(surface, world_from_pano.translation, rays)
-        inside = _inside(surface, distance, u, v)
-        crossed.append(cv2.dilate(inside.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
+        distance, u, v = hit_distance(surface, world_from_pano.translation, rays)
+        within = inside(surface, distance, u, v)
+        crossed.append(cv2.dilate(within.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
         if surface.solid:
-            closer = inside & (distance < nearest)
+            closer = within & (distance < nearest)
             index[closer] = i
             nearest = np.where(closer, distance, nearest)
     return index, crossed
@@ -276,7 +277,7 @@ def render_panorama(
             rays = rays_of(
                 world_from_pano, width_px, column * tile, row * tile, (tile * fine,) * 2, 1 / fine
             )
-            colours = _shade(there, world_from_pano.translation, rays, sky, mirrored)
+            colours = shade(there, world_from_pano.translation, rays, sky, mirrored)
             if fine > 1:
                 colours = cv2.resize(colours, (tile, tile), interpolation=cv2.INTER_AREA)
             where = np.s_[row * tile : (row + 1) * tile, column * tile : (column + 1) * tile]

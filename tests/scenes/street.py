@@ -79,8 +79,8 @@ def make_street(seed: int = 1, size: Size = "tiny", width_px: int | None = None)
     layout = lay_out(size, rng)
     surfaces = build_surfaces(layout, rng)
     turn_deg = float(rng.uniform(-25, 25))
-    world_from_street = _turn(layout, turn_deg)
-    surfaces = [_moved(surface, world_from_street) for surface in surfaces]
+    world_from_street = turn(layout, turn_deg)
+    surfaces = [moved(surface, world_from_street) for surface in surfaces]
     sky = textures.sky(min(2048, 2 * width_px), rng)
     mirrored = textures.mirrored_world(sky, rng)
 
@@ -105,21 +105,21 @@ def make_street(seed: int = 1, size: Size = "tiny", width_px: int | None = None)
         exact.append(panorama)
         noisy.append(_disturbed_panorama(panorama, noisy_pose, rng))
         exact_poses[name], noisy_poses[name] = pose, noisy_pose
-        images[name] = _photographed(picture, rng)
+        images[name] = photographed(picture, rng)
     origin = GeoOrigin(57.6886, 11.9776, 14.0)
     return Street(
         origin,
-        _footprints(layout, world_from_street),
+        footprints_of(layout, world_from_street),
         exact,
         noisy,
         exact_poses,
         noisy_poses,
         images,
-        _truth(layout, world_from_street),
+        truth_of(layout, world_from_street),
     )
 
 
-def _turn(layout: Layout, turn_deg: float) -> Rigid3:
+def turn(layout: Layout, turn_deg: float) -> Rigid3:
     """The street's frame turned about up, its middle moved to the origin."""
     angle = np.deg2rad(turn_deg)
     rotation = np.array(
@@ -129,7 +129,8 @@ def _turn(layout: Layout, turn_deg: float) -> Rigid3:
     return Rigid3(rotation, -rotation @ middle)
 
 
-def _moved(surface: Surface, world_from_street: Rigid3) -> Surface:
+def moved(surface: Surface, world_from_street: Rigid3) -> Surface:
+    """The surface in the world."""
     return replace(
         surface,
         corner=world_from_street.apply(surface.corner),
@@ -191,7 +192,7 @@ def _disturbed_panorama(
     )
 
 
-def _photographed(picture: NDArray[np.float32], rng: np.random.Generator) -> Image:
+def photographed(picture: NDArray[np.float32], rng: np.random.Generator) -> Image:
     """The picture after lens, exposure, white balance, tone curve and sensor noise."""
     blurred = cv2.GaussianBlur(picture, (0, 0), 0.55, borderType=cv2.BORDER_REPLICATE)
     balance = rng.uniform(0.88, 1.10) * rng.uniform(0.98, 1.02, 3)
@@ -201,7 +202,8 @@ def _photographed(picture: NDArray[np.float32], rng: np.random.Generator) -> Ima
     return np.clip(toned, 0, 255).astype(np.uint8)
 
 
-def _footprints(layout: Layout, world_from_street: Rigid3) -> list[Footprint]:
+def footprints_of(layout: Layout, world_from_street: Rigid3) -> list[Footprint]:
+    """The outlines of the houses in the world."""
     found = []
     for house in layout.houses:
         outline = np.column_stack([house.corners, np.zeros(4)])
@@ -219,7 +221,8 @@ def _footprints(layout: Layout, world_from_street: Rigid3) -> list[Footprint]:
     return found
 
 
-def _truth(layout: Layout, world_from_street: Rigid3) -> list[Facade]:
+def truth_of(layout: Layout, world_from_street: Rigid3) -> list[Facade]:
+    """Street fronts with their windows, and gables."""
     found = []
     for house in layout.houses:
         for edge in (0, 1, 3):
