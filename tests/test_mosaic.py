@@ -249,19 +249,19 @@ def bush(x_m, y_m, z_m, count=40):
     return rng.normal([x_m, y_m, z_m], 0.2, (count, 3))
 
 
-def test_a_tree_hides_the_wall_behind_it_from_the_photo_that_sees_its_points():
+def test_a_tree_hides_from_every_photo_what_lies_behind_it():
+    """Its points are those of one photo; it stands there for the others, too."""
     left, right = photo(1.0, 1.6, 9.0, name="left"), photo(11.0, 1.6, 9.0, name="right")
-    sights = seen_from(
-        PLANE, wall_grid(), [left, right], [], points_at(bush(6.0, 3.0, 4.0), ["left"]), CONFIG
-    )
-    x, y = lattice_metres(sights["left"])
-    # The ray from (1, 1.6, 9) through (6, 3, 4) meets the wall at (10, 4.12).
-    behind = np.hypot(x - 10.0, y - 4.12) < 0.5
-    assert not sights["left"][behind].any()
-    far_off = np.hypot(x - 10.0, y - 4.12) > 2.5
+    tree = points_at(bush(6.0, 3.0, 4.0), ["left"])
+    sights = seen_from(PLANE, wall_grid(), [left, right], [], tree, CONFIG)
     without = seen_from(PLANE, wall_grid(), [left, right], [], NO_POINTS, CONFIG)
-    np.testing.assert_array_equal(sights["left"][far_off], without["left"][far_off])
-    np.testing.assert_array_equal(sights["right"], without["right"])
+    x, y = lattice_metres(sights["left"])
+    # The rays from (1, 1.6, 9) and (11, 1.6, 9) through (6, 3, 4) meet the wall at (10 | 2, 4.12).
+    for name, at_m in (("left", 10.0), ("right", 2.0)):
+        gap = np.hypot(x - at_m, y - 4.12)
+        assert without[name][gap < 0.5].any()
+        assert not sights[name][gap < 0.5].any()
+        np.testing.assert_array_equal(sights[name][gap > 2.5], without[name][gap > 2.5])
 
 
 def test_points_on_the_wall_overrule_a_few_before_it():
@@ -288,12 +288,16 @@ def test_a_balcony_that_all_photos_show_is_kept_a_tree_is_not():
 
 
 def test_a_hedge_gives_way_to_two_photos_that_see_past_it():
-    names = ["a", "b", "c", "d"]
-    taken = [photo(6.0, 1.6, 9.0, name=name) for name in names]
-    points = points_at(bush(6.0, 2.0, 1.2), names[:2])
-    sights = seen_from(PLANE, wall_grid(), taken, [], points, CONFIG)
-    assert not sights["a"].all()
-    assert sights["c"].all()
+    """From (6, 1.6, 9) it hides the wall at (6, 2.06); the others look past it from the sides."""
+    ahead = photo(6.0, 1.6, 9.0, name="ahead")
+    aside = [photo(x, 1.6, 6.0, name=f"{x:g}") for x in (0.5, 11.5)]
+    hedge = points_at(bush(6.0, 2.0, 1.2), ["ahead"])
+    x, y = lattice_metres(seen_from(PLANE, wall_grid(), [ahead], [], hedge, CONFIG)["ahead"])
+    behind = np.hypot(x - 6.0, y - 2.06) < 0.3
+    for others, hidden in ((aside[:1], False), (aside, True)):
+        sights = seen_from(PLANE, wall_grid(), [ahead, *others], [], hedge, CONFIG)
+        assert sights["ahead"][behind].any() != hidden
+        assert all(sights[p.id][behind].all() for p in others)
 
 
 # Choice

@@ -76,6 +76,7 @@ class SfmConfig:
     same_view_ratio: float = 1.5  # decision: and from distances so alike
     stranger_share: float = 0.3  # decision: of the common points; two correct models: 0.62 and more
     min_strangers: int = 3  # decision: pairs; one may have a van before the lens
+    agree_share: float = 1 / 600  # decision: of the longer side, error of a match; 4 px in 2400
     strong_matches: int = 100  # decision: two correct models rejected 41 and 21 at most
 
 
@@ -158,26 +159,26 @@ class RadianceConfig:
     near_share: float = 0.25  # decision: a ray is empty for this share of its way to the wall
     seed_radius_m: float = 0.5  # decision: the front may hold something this near to a point
     front_density_per_m: float = 0.02  # decision: where a field starts from
-    slab_density_per_m: float = 0.2  # decision
+    slab_density_per_m: float = 0.05  # decision
     plane_rise: float = 2.0  # decision: log density that the plane starts above the slab
-    plane_rise_m: float = 0.15  # decision: half width of that rise
+    plane_rise_m: float = 0.05  # decision: half width of that rise
     batch_samples: int = 65536
     samples_per_px: float = 100.0  # decision: budget per ortho pixel; 80 sufficed (RADIANCE)
     budget_s: float = 600.0  # upper limit; where it binds, a run depends on the machine
-    learning_rate: float = 1e-2  # of features and photo gains
-    network_rate: float = 5e-3
+    learning_rate: float = 3e-2  # of features and photo gains
+    network_rate: float = 1e-2
     decay_from: float = 0.5  # decision: share of the budget after which rates fall
     final_rate: float = 0.03  # decision: to this share
     first_step_px: float = 5.0  # decision: samples are this far apart at first
     step_px: float = 0.75  # METHOD: at most 1.5 cm at 2 cm per pixel
     shorten_until: float = 0.2
     huber: float = 0.1  # decision: colour errors above this count linearly (0..1)
-    spread_weight: float = 0.0
+    spread_weight: float = 0.01
     prune_from: float = 0.04  # share of the budget after which empty cells are skipped
     prune_growth: float = 1.3  # and again each time the training is this much longer
     keep: float = 0.4  # decision: of the densest value seen in a cell, each time
     forget: float = 0.97  # decision: of that, per sample that falls into the cell
-    threshold_per_m: float = 0.5  # decision: a cell below this density is empty
+    threshold_per_m: float = 1.0  # decision: a cell below this density is empty
     held_out_pixels: int = 20_000
     before_surface_m: float = 0.06  # decision: a surface does not hide itself
     threads: int = 2
@@ -270,9 +271,10 @@ class MosaicConfig:
     min_seen: float = 0.02  # decision: share of the facade that a photo must show
     min_photos: int = 2  # decision: what fewer photos see is masked
     clearance_m: float = 0.5  # decision: what stands so near before the wall belongs to it
-    balcony_m: float = 2.0  # decision: what stands farther before the wall is no part of it
+    balcony_m: float = 2.5  # decision: what stands farther before the wall is no part of it
     point_reach_m: float = 0.4  # decision: around its place on the wall, standard deviation
     min_points: float = 1.5  # decision: a single point may be a wrong match
+    wall_point_weight: float = 2.0  # decision: points before the wall that one on it outweighs
 
 
 @dataclass(frozen=True, slots=True)

@@ -51,9 +51,10 @@ def seen_from(
     Notes
     -----
     A place is seen if it lies inside the photo, at most `max_obliqueness_deg` from the wall's
-    normal, behind no other wall, and behind no foreground: where the photo's own points in front
-    of the wall outnumber those on it. Points that could be a balcony hide a place only if two
-    other photos see it: what all photos show there belongs to the facade or cannot be removed.
+    normal, behind no other wall, and behind no foreground. Foreground is where points in front of
+    the wall outnumber those on the wall that the photo itself saw. If they could be a balcony, they
+    hide a place only if two other photos see it: what all photos show there is part of the facade
+    or cannot be removed.
     """
     nodes = lattice_pixels(grid)
     places = grid.world_from_pixels(nodes)
@@ -69,7 +70,7 @@ def seen_from(
         for wall in walls:
             sight &= ~_behind_wall(photo, grid, places, wall, config.clearance_m)
         mine = points_in_facade[rows_by_photo.get(photo.id, [])]
-        near, far = _behind_points(photo, grid, mine, sight.shape, config)
+        near, far = _behind_points(photo, grid, points_in_facade, mine, sight.shape, config)
         seen[photo.id] = sight & ~far
         maybe_hidden[photo.id] = near
     clear = sum((seen[name] & ~maybe_hidden[name]).astype(int) for name in seen)
@@ -89,10 +90,10 @@ def lattice_pixels(grid: FacadeGrid) -> FloatArray:
 
 
 def on_grid(lattice: BoolLattice, grid: FacadeGrid) -> NDArray[np.bool_]:
-    """The lattice at every pixel (H, W) of the grid."""
+    """The lattice at every pixel (H, W) of the grid, its steps cut off to slopes."""
     size = (grid.width_px, grid.height_px)
-    full = cv2.resize(lattice.view(np.uint8), size, interpolation=cv2.INTER_NEAREST)
-    return np.asarray(full, np.uint8) > 0
+    share = cv2.resize(lattice.astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
+    return np.asarray(share, np.float32) > 0.5
 
 
 def _inside_photo(
@@ -133,27 +134,38 @@ def _behind_points(
     photo: Photo,
     grid: FacadeGrid,
     points_in_facade: FloatArray,
+    seen_in_facade: FloatArray,
     shape: tuple[int, ...],
     config: MosaicConfig,
 ) -> tuple[BoolLattice, BoolLattice]:
-    """(h, w) bool twice: foreground that may be a balcony, and foreground that may not."""
+    """(h, w) bool twice: foreground that may be a balcony, and foreground that may not.
+
+    All points in front of the wall hide what lies behind them; only the points on the wall that
+    the photo itself saw show that it can be seen.
+    """
     camera = grid.world_from_facade.inverse().apply(photo.centre_in_world)
-    depth = points_in_facade[:, 2]
-    usable = (depth < 0.95 * camera[2]) & (depth > -config.clearance_m)
-    points, depth = points_in_facade[usable], depth[usable]
-    # Where the ray from the camera through the point meets the wall.
-    stretch = camera[2] / (camera[2] - depth)
-    feet = camera[:2] + stretch[:, None] * (points[:, :2] - camera[:2])
-    on_wall, near, far = (
-        _density(feet[which], grid, shape, config.point_reach_m)
-        for which in (
-            depth <= config.clearance_m,
-            depth > config.clearance_m,
-            depth > config.balcony_m,
-        )
-    )
-    needed = np.maximum(on_wall, config.min_points)
-    return near > needed, far > needed
+
+    def density(points: FloatArray, low_m: float, high_m: float) -> FloatArray:
+        depth = points[:, 2]
+        points = points[(depth > low_m) & (depth <= high_m)]
+        # Where the ray from the camera through the point meets the wall.
+        stretch = camera[2] / (camera[2] - points[:, 2])
+        feet = camera[:2] + stretch[:, None] * (points[:, :2] - camera[:2])
+        return _density(feet, grid, shape, config.point_reach_m)
+
+    clearance_m, balcony_m, reach_m = config.clearance_m, config.balcony_m, 0.95 * camera[2]
+    on_wall = density(seen_in_facade, -clearance_m, clearance_m)
+    needed = np.maximum(config.wall_point_weight * on_wall, config.min_points)
+    near = density(points_in_facade, clearance_m, reach_m) > needed
+    far = density(points_in_facade, balcony_m, reach_m) > needed
+    return _without_specks(near), _without_specks(far)
+
+
+def _without_specks(hidden: BoolLattice) -> BoolLattice:
+    """The lattice without parts and gaps narrower than three cells."""
+    cells = cv2.morphologyEx(hidden.view(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    cells = cv2.morphologyEx(cells, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    return np.asarray(cells, np.uint8) > 0
 
 
 def _density(
