@@ -137,12 +137,13 @@ def place_on_map(
     ------
     InputError
         If a wall or an edge has no length, a value is not finite, or the footprints are elsewhere
-        by GPS.
+        by GPS or known cameras.
     ReconstructionError
         If the units are no metres, no way fits or several fit equally well; they are listed.
     """
     config = config or WorldConfig()
     if level.placed_by == "cameras":
+        _require_near(level, edges_in_world, "their cameras and --origin", config)
         return level
     if not level.metric:
         raise ReconstructionError(
@@ -150,7 +151,7 @@ def place_on_map(
             "(--triangle FILE), or leave out --footprints."
         )
     if level.placed_by == "GPS":
-        _require_near(level, edges_in_world, config)
+        _require_near(level, edges_in_world, "GPS", config)
         near = _near_gps(level, walls_in_world, outward_in_world, edges_in_world, config)
         if not near:
             note = "No way to lay the walls on the footprints agrees with GPS; its place is kept."
@@ -182,13 +183,15 @@ def place_on_map(
     )
 
 
-def _require_near(level: PlacedReconstruction, edges: ArrayLike, config: WorldConfig) -> None:
+def _require_near(
+    level: PlacedReconstruction, edges: ArrayLike, by: str, config: WorldConfig
+) -> None:
     corners = np.asarray(edges, dtype=np.float64).reshape(-1, 1, 2)
     centres = np.stack([photo.centre_in_world[:2] for photo in level.photos])
     nearest_m = float(np.linalg.norm(corners - centres, axis=2).min())
     if nearest_m > config.max_footprint_distance_m:
         raise InputError(
-            f"By GPS the photos were taken {nearest_m:,.0f} m from the nearest corner of the "
+            f"By {by} the photos were taken {nearest_m:,.0f} m from the nearest corner of the "
             "footprints. Check that both are of the same building."
         )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,13 @@ from si3fp.model import Footprint, KnownDistance, LoadImage, Photo, SparsePoints
 from si3fp.records import rounded
 from si3fp.sources.colmap_text import ColmapModel, read_colmap_text
 from si3fp.sources.footprints import FootprintRecord, footprints_in_world, read_footprints
-from si3fp.sources.photos import PhotoRecord, photo_loader, prepare_upright, read_photo_records
+from si3fp.sources.photos import (
+    PhotoFolder,
+    PhotoRecord,
+    photo_loader,
+    prepare_upright,
+    read_photo_records,
+)
 from si3fp.sources.selection import run_origin
 from si3fp.sources.triangle import read_known_distances
 from si3fp.steps.inputs import RunInputs
@@ -162,9 +168,7 @@ def collect_photos(files: PhotoFiles, config: PhotoConfig) -> PhotoSources:
     for distance in distances:
         for name in (distance.start, distance.end):
             _require_photo(name, names, folder.unreadable, f"{files.triangle}: {distance}")
-    cameras = read_colmap_text(files.cameras) if files.cameras else None
-    for photo in cameras.photos if cameras else ():
-        _require_photo(photo.id, names, folder.unreadable, f"{files.cameras}: a camera")
+    cameras = _known_cameras(files.cameras, folder) if files.cameras else None
     outlines = read_footprints(files.footprints, files.columns) if files.footprints else []
     hashes = {f"{record.id} (photo)": sha256_of(record.file) for record in folder.records}
     if files.triangle:
@@ -343,6 +347,23 @@ def _require_compatible(files: PhotoFiles) -> None:
         )
     if files.camera_origin is not None and files.cameras is None:
         raise InputError("--origin is the origin of known cameras: give them with --cameras DIR.")
+
+
+def _known_cameras(where: Path, folder: PhotoFolder) -> ColmapModel:
+    """The cameras of the photos that can be read, each of its photo's size."""
+    model = read_colmap_text(where)
+    records = {record.id: record for record in folder.records}
+    photos = [photo for photo in model.photos if photo.id not in folder.unreadable]
+    for photo in photos:
+        _require_photo(photo.id, list(records), folder.unreadable, f"{where}: a camera")
+        record, camera = records[photo.id], photo.camera
+        if (camera.width_px, camera.height_px) != (record.width_px, record.height_px):
+            raise InputError(
+                f"{where}: the camera of {photo.id} has {camera.width_px} x {camera.height_px} px, "
+                f"the photo {record.width_px} x {record.height_px} px. Give the photos with which "
+                "the cameras were found, upright and in the same size."
+            )
+    return replace(model, photos=tuple(photos))
 
 
 def _require_photo(name: str, names: list[str], unreadable: Mapping[str, str], where: str) -> None:
