@@ -157,7 +157,8 @@ class RadianceConfig:
     front_step_m: float = 0.12  # decision: distance between samples in the front
     cell_px: float = 2.0  # decision: occupancy of the slab, in ortho pixels
     near_share: float = 0.25  # decision: a ray is empty for this share of its way to the wall
-    seed_radius_m: float = 0.5  # decision: the front may hold something this near to a point
+    relief_m: float = 0.3  # decision: mouldings; what stands farther out is near a point
+    seed_radius_m: float = 0.5  # decision: how near
     front_density_per_m: float = 0.02  # decision: where a field starts from
     slab_density_per_m: float = 0.05  # decision
     plane_rise: float = 2.0  # decision: log density that the plane starts above the slab

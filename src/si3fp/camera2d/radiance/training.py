@@ -92,18 +92,28 @@ class Trainer:
         self._seed(points_m)
 
     def _seed(self, points_m: FloatArray) -> None:
-        """All of the slab may hold something; of the front what is near a point."""
+        """At the wall anything may be; in front of it only what is near a point.
+
+        A plain wall looks the same from everywhere, so that photos alone would leave it anywhere.
+        """
         config, layout = self.config, self.layout
+        front, slab = (
+            self.value[layout.region_first[region] : layout.region_first[region + 1]].reshape(
+                layout.region_dims[region]
+            )
+            for region in (FRONT, SLAB)
+        )
         start = np.float32(4.0 * config.threshold_per_m)
-        self.value[layout.region_first[SLAB] :] = start
-        front = self.value[: layout.region_first[SLAB]].reshape(layout.region_dims[FRONT])
-        reach = config.seed_radius_m
-        cell = layout.region_cell_m[FRONT]
-        for point in points_m:
-            place = (point - layout.region_low_m[FRONT]) / cell
-            low = np.maximum(np.floor(place - reach / cell), 0).astype(int)
-            high = np.maximum(np.ceil(place + reach / cell), 0).astype(int)
-            front[low[0] : high[0], low[1] : high[1], low[2] : high[2]] = start
+        depth = config.relief_m - layout.region_low_m[SLAB][2]
+        slab[:, :, : int(np.ceil(depth / layout.region_cell_m[SLAB]))] = start
+        standing = points_m[points_m[:, 2] > config.relief_m]
+        for cells, region in ((front, FRONT), (slab, SLAB)):
+            cell = layout.region_cell_m[region]
+            for point in standing:
+                place = (point - layout.region_low_m[region]) / cell
+                low = np.maximum(np.floor(place - config.seed_radius_m / cell), 0).astype(int)
+                high = np.maximum(np.ceil(place + config.seed_radius_m / cell), 0).astype(int)
+                cells[low[0] : high[0], low[1] : high[1], low[2] : high[2]] = start
         self.field.occupied[:] = self.value > 0
 
     def step(self, pool: ThreadPoolExecutor, fraction: float) -> None:
@@ -168,7 +178,7 @@ class Trainer:
         )
         self._update_gains(gains.sum(axis=0, dtype=np.float64), rate)
         if fraction >= self.next_prune:
-            self.next_prune = fraction + config.prune_every
+            self.next_prune = fraction * config.prune_growth
             self._prune(pool)
 
     def _steps(self, fraction: float) -> F32:
