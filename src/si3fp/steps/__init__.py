@@ -10,13 +10,11 @@ from si3fp.steps.facades import find_facade
 from si3fp.steps.inputs import Circle, StreetInputs, claim, collect, run_key, street_record
 from si3fp.steps.models import build_models, simulate_run, write_run
 from si3fp.steps.photo_facades import find_photo_facade
+from si3fp.steps.photo_inputs import PhotoFiles, collect_photos, photo_run_key
 from si3fp.steps.photo_scene import (
-    PhotoFiles,
     PhotoScene,
-    collect_photos,
     find_poses,
     make_scene,
-    photo_run_key,
     photos_record,
     write_sparse_cloud,
 )
