@@ -251,7 +251,9 @@ def _write_report(
         text.mkdir(parents=True)
         model.write_text(text)
         rays = rays_of(matches, model)
-        agreeing = [agreeing_share(r, seen.photos[a], seen.photos[b]) for (a, b), r in rays.items()]
+        agreeing = [
+            agreeing_share(r, seen.photos[a], seen.photos[b], config) for (a, b), r in rays.items()
+        ]
         entries.append(
             {
                 "photos": sorted(seen.photos),

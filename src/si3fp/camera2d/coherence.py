@@ -109,7 +109,7 @@ def coherence(
         for (first, second), rays in sorted(matches.items())
         if {first, second} <= model.photos.keys()
         and len(rays[0]) >= config.strong_matches
-        and agreeing_share(rays, model.photos[first], model.photos[second]) < 0.5
+        and agreeing_share(rays, model.photos[first], model.photos[second], config) < 0.5
     ]
     return Coherence(len(side_by_side), tuple(strangers), tuple(opposed))
 
@@ -149,7 +149,7 @@ def _expected(model: ModelView, one: int, other: int, config: SfmConfig) -> int:
 
 
 def agreeing_share(
-    rays: tuple[FloatArray, FloatArray], first: Photo, second: Photo, limit_px: float = 4.0
+    rays: tuple[FloatArray, FloatArray], first: Photo, second: Photo, config: SfmConfig
 ) -> float:
     """Share of the matches of two photos that agree with their poses.
 
@@ -159,8 +159,8 @@ def agreeing_share(
         Directions (M, 3) of the matched points in the two cameras, with z = 1.
     first, second
         The photos.
-    limit_px
-        Distance to the epipolar line (Sampson) up to which a match agrees.
+    config
+        `SfmConfig.agree_share` is the distance to the epipolar line (Sampson) that agrees.
 
     Notes
     -----
@@ -172,6 +172,7 @@ def agreeing_share(
     error = (rays[1] * lines_there).sum(axis=1)
     focal_px = np.sqrt(first.camera.fx_px * second.camera.fx_px)
     slope = (lines_there[:, :2] ** 2).sum(axis=1) + (lines_here[:, :2] ** 2).sum(axis=1)
+    limit_px = config.agree_share * max(first.camera.width_px, first.camera.height_px)
     distance_px = focal_px * np.abs(error) / np.sqrt(np.maximum(slope, 1e-300))
     return float((distance_px <= limit_px).mean()) if len(distance_px) else 1.0
 

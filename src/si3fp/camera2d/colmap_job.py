@@ -90,19 +90,25 @@ def _keep_what_holds(work_dir: Path, job: dict[str, Any]) -> list[tuple[int, int
     try:
         old = json.loads((work_dir / _JOB).read_text(encoding="utf-8"))
         pairs = [(first, second) for first, second in old["pairs"]]
-        same = all(old.get(key) == value for key, value in job.items() if key != "config")
-        settings = [[each["config"].get(key) for key in _OF_DATABASE] for each in (old, job)]
-        same = same and settings[0] == settings[1]
+        same_model = all(old.get(key) == value for key, value in job.items())
+        same_database = _database_rests_on(old) == _database_rests_on(job)
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        old, same, pairs = {}, False, []
-    if not same or old["config"] != job["config"]:
+        same_model = same_database = False
+    if not same_model:
         (work_dir / "report.json").unlink(missing_ok=True)
         for name in ("models", "sparse"):
             shutil.rmtree(work_dir / name, ignore_errors=True)
-    if not same:
+    if not same_database:
         for file in work_dir.glob("database.db*"):
             file.unlink()
-    return pairs if same else None
+        return None
+    return pairs
+
+
+def _database_rests_on(job: dict[str, Any]) -> list[Any]:
+    """What features and matches depend on."""
+    whole = [job.get(key) for key in ("photos", "cameras", "places", "seed", "colmap")]
+    return [*whole, *(job["config"][key] for key in _OF_DATABASE)]
 
 
 def _pairs(
