@@ -1,14 +1,16 @@
 """Windows from one render with depth, against a wall whose every line of sight is computed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from tests.scenes.recessed import ToldDetector, rendered
+from tests.scenes.recessed import WALL, ToldDetector, rendered
 
 from si3fp.config import FusionConfig, MeasureConfig
 from si3fp.errors import InputError
 from si3fp.model import OrthoImage
 from si3fp.windows.bias import hidden_lever
-from si3fp.windows.parse_rendered import parse_rendered
+from si3fp.windows.parse_rendered import parse_rendered, without_specks
 
 WINDOW = (3.4, 4.6, 2.5, 4.0)
 BELOW = {"a": (2.0, 1.0, 4.0), "b": (4.0, 1.0, 4.0), "c": (6.0, 1.0, 4.0)}
@@ -116,12 +118,14 @@ def test_where_the_render_goes_on_with_the_glass_the_edge_is_right_already():
     assert window.correction_m[2] == 0
 
 
-def test_a_strip_that_the_render_fills_with_a_slope_leaves_at_most_half_of_it():
-    recess_m = 0.25
-    render = rendered([WINDOW], recess_m, arrays(BELOW), hidden="slope")
-    strip_m = recess_m * 1.5 / 4.0
+def test_a_strip_that_the_render_fills_with_a_slope_is_put_back_as_photos_did_not_see_it():
+    render = rendered([WINDOW], 0.25, arrays(BELOW), hidden="slope")
     (window,) = parsed(render).windows
-    assert abs(window.y_m - WINDOW[2]) <= 0.5 * strip_m + 0.012
+    assert edges(window) == pytest.approx(WINDOW, abs=0.015)
+    # Without the count of photos only what lies deep enough speaks for the opening.
+    render.ortho = replace(render.ortho, seen_by=None)
+    (window,) = parsed(render).windows
+    assert 0.02 < window.y_m - WINDOW[2] <= 0.5 * 0.25 * 1.5 / 4.0 + 0.012
 
 
 def test_the_correction_can_be_switched_off():
@@ -226,6 +230,22 @@ def test_balconies_by_depth_and_of_the_detector_are_one():
     balconies = result.on_fused.select(result.on_fused.labels == "balcony")
     assert len(balconies) == 3  # one by both, two by the detector alone
     assert balconies.boxes_px[0] == pytest.approx([260, 310, 520, 420], abs=1)
+
+
+def test_specks_are_painted_over_and_wide_gaps_stay_unseen():
+    render = rendered([WINDOW], 0.2, arrays(LEVEL))
+    valid, rgb = render.ortho.valid.copy(), render.ortho.rgb.copy()
+    valid[300:306, 100:300] = valid[50:150, 600:700] = valid[:4, 10:20] = False
+    rgb[~valid] = 0
+    ortho = OrthoImage("radiance", rgb, valid, render.ortho.depth_m)
+    painted = without_specks(ortho, 0.01)
+    assert painted.valid[300:306, 100:300].all()
+    assert painted.rgb[303, 200].astype(int) == pytest.approx(WALL, abs=3)
+    assert not painted.valid[60:140, 610:690].any()
+    assert (painted.rgb[100, 650] == 0).all()
+    assert (painted.rgb[valid] == rgb[valid]).all()
+    whole = OrthoImage("radiance", rgb, np.ones_like(valid), render.ortho.depth_m)
+    assert without_specks(whole, 0.01) is whole
 
 
 def test_an_image_without_depth_is_refused():

@@ -110,6 +110,8 @@ def _opening(
     """1 where a pixel of a part was not seen or lies deeper than ``behind_m``, else 0."""
     part = (slice(corner[1], end[1]), slice(corner[0], end[0]))
     opening = ~ortho.valid[part]
+    if ortho.seen_by is not None:
+        opening = opening | (ortho.seen_by[part] < TRUSTED_PHOTOS)
     if ortho.depth_m is not None:
         opening = opening | (ortho.depth_m[part] < behind_m)
     return opening.astype(np.float64)

@@ -35,7 +35,8 @@ MIDDLE = 0.15
 """Share of a side's length left out at both ends."""
 KNOWN_SHARE = 0.5
 """Share of the pixels along a side whose depth must be known."""
-LEAST_SIGMA_M = 0.01
+LEAST_SIGMA_M = 0.02
+"""No side is known better: a render smears the step."""
 MAX_SIGMA = 0.8
 """A posterior that is not narrower than this share of its prior tells nothing."""
 OUTWARD_PX = (-1, -1, 1, 1)

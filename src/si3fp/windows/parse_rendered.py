@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,6 +32,8 @@ from si3fp.windows.recess import UNKNOWN_RECESS, RecessEstimate
 
 HALF = 0.5
 """Share of a window that a photo must see to count as a view of it."""
+SPECK_M = 0.1
+"""Unseen places that are narrower are painted over before windows are looked for."""
 MOSTLY = 0.7
 """Share of a box that stands in front of the wall from which it is no window of it; a front hides
 the lower half of a door."""
@@ -74,7 +77,8 @@ def parse_rendered(
     count for the interval of the window-to-wall ratio, whose calibration includes them.
     """
     wall_m = wall_depth(ortho)
-    found = detector.detect(ortho, grid.m_per_px)
+    picture = without_specks(ortho, grid.m_per_px)
+    found = detector.detect(picture, grid.m_per_px)
     hides = in_front(ortho, wall_m)
     boxes, left_out = _on_the_wall(of_label(found), hides, grid, fusion)
     openings_px = boxes.boxes_px[boxes.scores >= fusion.min_score]
@@ -108,7 +112,7 @@ def parse_rendered(
 
     openings = find_windows(
         FusedDetections(boxes, tuple(_views(box, seen_from, grid) for box in boxes.boxes_px)),
-        ortho,
+        picture,
         shows.astype(np.float32),
         grid,
         detector.thresholds["window"],
@@ -127,6 +131,27 @@ def parse_rendered(
         wwr_interval=interval,
         notes=(*told, *left_out),
     )
+
+
+def without_specks(ortho: OrthoImage, m_per_px: float) -> OrthoImage:
+    """The image with small unseen places painted from around them, to look for windows in.
+
+    What is wider than `SPECK_M` stays unseen.
+    """
+    side = max(2, round(SPECK_M / m_per_px)) + 1
+    kernel = np.ones((side, side), np.uint8)
+    border = side
+    # A border of seen pixels would close what touches the image's edge.
+    padded = cv2.copyMakeBorder(
+        ortho.valid.view(np.uint8), border, border, border, border, cv2.BORDER_REPLICATE
+    )
+    closed = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, kernel)
+    seen = closed[border:-border, border:-border].astype(np.bool_)
+    specks = seen & ~ortho.valid
+    if not specks.any():
+        return ortho
+    rgb = cv2.inpaint(ortho.rgb, specks.view(np.uint8), 2, cv2.INPAINT_TELEA)
+    return replace(ortho, rgb=np.asarray(rgb, np.uint8), valid=seen)
 
 
 def _on_the_wall(
