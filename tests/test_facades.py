@@ -334,12 +334,35 @@ def test_a_row_of_houses_is_cut_where_the_map_cuts_it():
 def test_the_map_gives_the_eaves_of_a_plain_upper_storey():
     scene = Scene(7)
     cameras = scene.camera_row((-4, -12), (14, -12), 10)
-    scene.wall((0, 0), (10, 0), 0.2, 6.0, cameras)
-    house = Footprint("h", np.array([[0, 0], [10, 0], [10, 9], [0, 9.0]]), 0.1, 9.0)
-    (plane,) = scene.find([house]).planes
+    scene.wall((0, 0), (10, 0), 0.2, 7.0, cameras)
+    outline = np.array([[0, 0], [10, 0], [10, 9], [0, 9.0]])
+    (plane,) = scene.find([Footprint("h", outline, 0.1, 9.0)]).planes
     assert plane.corners_in_world[0, 2] == pytest.approx(0.1)
     assert plane.corners_in_world[2, 2] == pytest.approx(9.1)
-    assert any(note.startswith("eaves: the map, 3.") for note in plane.notes)
+    assert any(note.startswith("eaves: the map, 2.") for note in plane.notes)
+
+
+def test_a_map_that_gives_the_ridge_is_not_believed():
+    scene = Scene(7)
+    cameras = scene.camera_row((-4, -12), (14, -12), 10)
+    scene.wall((0, 0), (10, 0), 0.2, 7.0, cameras)
+    outline = np.array([[0, 0], [10, 0], [10, 9], [0, 9.0]])
+    (plane,) = scene.find([Footprint("h", outline, 0.0, 11.0)]).planes
+    assert plane.corners_in_world[2, 2] == pytest.approx(7.0, abs=0.15)
+
+
+def test_balconies_neither_split_a_wall_nor_end_it():
+    scene = Scene(11)
+    cameras = scene.camera_row((-4, -14), (19, -14), 12)
+    scene.wall((0, 0), (15, 0), 0.2, 12.0, cameras)
+    for left in (2.0, 8.0):
+        for sill in (3.0, 6.0, 9.0):
+            scene.wall((left, -1.5), (left + 4, -1.5), sill, sill + 1.1, cameras, per_m2=20)
+    scene.wall((0, -0.6), (15, -0.6), 8.9, 9.1, cameras, per_m2=20, frames=False)  # a slab
+    (plane,) = scene.find().planes
+    assert plane.world_from_facade.translation[1] == pytest.approx(0, abs=0.02)
+    assert plane.width_m == pytest.approx(15, abs=0.3)
+    assert plane.corners_in_world[2, 2] == pytest.approx(12.0, abs=0.15)
 
 
 def test_walls_off_the_map_are_an_error():

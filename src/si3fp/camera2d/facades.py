@@ -24,6 +24,7 @@ from si3fp.geometry.rigid import FloatArray, Rigid3
 from si3fp.model import Footprint, Missing, Photo, SparsePoints
 
 _MIN_SIGHTS = 5  # points of a wall that a photo must have seen
+_PLAIN_M = 2.5  # a wall may go on so far above its points; higher, the map means the roof
 _MENTIONED_M = 1.0  # narrower pieces of wall are not worth a word
 
 
@@ -224,7 +225,7 @@ def _heights(wall: _Wall, footprint: Footprint) -> tuple[Side, Side]:
         ground = Side(footprint.ground_m, "the map")
     if footprint.height_m is not None:
         mapped = ground.at_m + footprint.height_m
-        if eaves.at_m < mapped and "cornice" not in eaves.rests_on:
+        if 0 < mapped - eaves.at_m <= _PLAIN_M and "cornice" not in eaves.rests_on:
             eaves = Side(mapped, f"the map, {mapped - eaves.at_m:.1f} m above {eaves.rests_on}")
     return ground, eaves
 

@@ -22,7 +22,9 @@ _CORNICE_SHARE = 0.5  # of the columns of cells
 _DENSE_SHARE = 0.4  # of the usual share of occupied columns
 _MIN_EAVES_SHARE = 0.6  # of the height over which the wall has points
 _OVER_TOP_ROWS = 4  # a cornice may lie so far above the last dense row
-_TAPER = 0.6  # a triangle's upper half has a third of the lower one
+_GABLE_SPREAD = 0.87  # places on a triangle spread 0.71 times as much as on its rectangle
+_STRAY_SHARE = 0.01  # of a wall's points may lie above it, on chimneys and dormers
+_FEW = 4
 _BESIDE_M = 3.0  # walls that end so near one another are of one building
 _MIN_GABLE_M, _MAX_GABLE_M = 1.0, 2.5  # dense rows of a gable above the cornice of its neighbour
 _SAME_EAVES_M = 1.2  # points of a plain wall end so far below its eaves
@@ -79,19 +81,24 @@ class _Profile:
         World z at which the first row begins.
     wall_shares, front_shares
         (R,) share of the columns of cells that points on the wall, and before it, occupy.
-    wall_z, front_z
-        Heights of these points.
+    wall_along_m, wall_z, front_z
+        Places along the wall and heights of these points.
     """
 
     lowest_m: float
     wall_shares: FloatArray
     front_shares: FloatArray
+    wall_along_m: FloatArray
     wall_z: FloatArray
     front_z: FloatArray
 
-    def above(self, z_m: float) -> FloatArray:
-        """Shares of the wall's rows above a height."""
-        return self.wall_shares[int((z_m - self.lowest_m) / _ROW_M) + 1 :]
+    def is_gable_above(self, z_m: float) -> bool:
+        """Whether the wall above a height is none, or narrower than the wall."""
+        above = self.wall_z > z_m + _ROW_M
+        if above.sum() < max(_STRAY_SHARE * len(self.wall_z), _FEW):
+            return True
+        along = self.wall_along_m
+        return bool(np.std(along[above]) < _GABLE_SPREAD * np.std(along[self.wall_z <= z_m]))
 
 
 def _profile(run: WallRun, points: WallPoints, config: PlaneConfig) -> _Profile:
@@ -112,7 +119,7 @@ def _profile(run: WallRun, points: WallPoints, config: PlaneConfig) -> _Profile:
         cells = np.unique(np.stack([row[inside], column[inside]]), axis=1)
         return np.bincount(cells[0], minlength=count) / columns
 
-    return _Profile(lowest, shares(wall), shares(before), height[wall], height[before])
+    return _Profile(lowest, shares(wall), shares(before), along[wall], height[wall], height[before])
 
 
 def _own_eaves(profile: _Profile) -> Side:
@@ -128,13 +135,13 @@ def _own_eaves(profile: _Profile) -> Side:
         bottom = profile.lowest_m + float(lines[0]) * _ROW_M
         row = profile.front_z[(profile.front_z >= bottom) & (profile.front_z < bottom + _ROW_M)]
         cornice = float(np.quantile(row, 0.1))
-        if _tapers(profile.above(cornice)):
+        if profile.is_gable_above(cornice):
             wall_z = profile.wall_z
             under = wall_z[(wall_z > cornice - 4 * _ROW_M) & (wall_z <= cornice + 0.05)]
             return Side(float(under.max()) if len(under) else cornice, "the cornice or gutter")
     upper = profile.lowest_m + top * _ROW_M
-    last = profile.wall_z[(profile.wall_z > upper - _ROW_M) & (profile.wall_z <= upper)]
-    return Side(float(np.quantile(last, 0.9)), "points")
+    last = profile.wall_z[np.abs(profile.wall_z - upper) <= _ROW_M]
+    return Side(float(np.quantile(last, 0.95)), "points")
 
 
 def _under_gable(side: Side, profile: _Profile, neighbours: Sequence[Side]) -> Side:
@@ -143,7 +150,7 @@ def _under_gable(side: Side, profile: _Profile, neighbours: Sequence[Side]) -> S
         return side
     for other in sorted(neighbours, key=lambda one: abs(one.at_m - side.at_m)):
         gable = _MIN_GABLE_M <= side.at_m - other.at_m <= _MAX_GABLE_M
-        if "cornice" in other.rests_on and gable and _tapers(profile.above(other.at_m)):
+        if "cornice" in other.rests_on and gable and profile.is_gable_above(other.at_m):
             return Side(other.at_m, "the cornice of the wall beside it, a gable is above")
     return side
 
@@ -157,13 +164,6 @@ def _as_others(side: Side, others: Sequence[Side]) -> Side:
         return side
     gap_m = max(higher) - side.at_m
     return Side(max(higher), f"the walls beside it; its own points end {gap_m:.1f} m lower")
-
-
-def _tapers(shares: FloatArray) -> bool:
-    """Whether rows above a cornice are none or those of a gable, narrower higher up."""
-    above = np.trim_zeros(shares)
-    half = len(above) // 2
-    return half < 2 or float(above[half:].mean()) < _TAPER * float(above[:half].mean())
 
 
 def _beside(runs: Sequence[WallRun]) -> list[list[int]]:
