@@ -174,7 +174,8 @@ class RadianceConfig:
     step_px: float = 0.75  # METHOD: at most 1.5 cm at 2 cm per pixel
     shorten_until: float = 0.2
     huber: float = 0.1  # decision: colour errors above this count linearly (0..1)
-    spread_weight: float = 0.01
+    spread_weight: float = 0.01  # decision: cost of density in two places, per metre; late
+    stand_off_weight: float = 0.0
     prune_from: float = 0.04  # share of the budget after which empty cells are skipped
     prune_growth: float = 1.3  # and again each time the training is this much longer
     keep: float = 0.4  # decision: of the densest value seen in a cell, each time

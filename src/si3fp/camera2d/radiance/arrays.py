@@ -17,6 +17,8 @@ P = ParamSpec("P")
 R = TypeVar("R")
 F32 = NDArray[np.float32]
 I64 = NDArray[np.int64]
+Rows = tuple[np.uint64, ...]
+Lanes = tuple[np.float32, ...]
 
 LANES = 8
 FEATURES = 4
@@ -26,9 +28,14 @@ INPUTS = LEVELS * FEATURES + 1
 DIRECTIONS = 3
 MAX_BLOCKS = 32
 PRIME_X, PRIME_Y = 2654435761, 805459861
+U64 = np.uint64
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 MAX_RAW = np.float32(8.0)
 OPAQUE = np.float32(1e-3)
+
+# The kernels write out the lanes of a block and the features of a row; LLVM turns them into vector
+# instructions only with this, which makes them 3 to 6 times as fast.
+numba.config.SLP_VECTORIZE = 1  # type: ignore[attr-defined]
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
@@ -46,6 +53,7 @@ class Field(NamedTuple):
     low: F32  # (3,) corner of the encoded box
     per_cell: F32  # (LEVELS,) cells per metre
     dims: I64  # (LEVELS, 3) vertices
+    top: F32  # (LEVELS, 3) largest place, in cells
     first: I64  # (LEVELS,) first row of the level in the table
     mask: I64  # (LEVELS,) hash mask, 0 for a dense level
     table: F32  # (E, FEATURES)

@@ -267,9 +267,10 @@ def _train(
 ) -> FitReport:
     """Train until a budget is spent, the held-out photo gets no better, or Ctrl-C."""
     config = trainer.config
-    start = time.monotonic()
     stopped = "samples"
     with ThreadPoolExecutor(config.threads) as pool:
+        trainer.step(pool, 0.0)  # compiles the kernels where they are not cached, off the clock
+        start = time.monotonic()
         try:
             while trainer.samples_done < budget:
                 elapsed = time.monotonic() - start

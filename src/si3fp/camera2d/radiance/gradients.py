@@ -1,8 +1,4 @@
-"""Compiled kernels of the radiance field, backward: rays of a batch, tables, Adam, occupancy.
-
-The first pass runs over parts of a batch, each with its own output; the second over levels of the
-table, each in the order of the samples. So the result does not depend on the number of threads.
-"""
+"""Compiled kernels of the radiance field, backward: from the colour error of rays to gradients."""
 
 from __future__ import annotations
 
@@ -20,30 +16,26 @@ from si3fp.camera2d.radiance.arrays import (
     LEVELS,
     MAX_BLOCKS,
     ONE,
+    U64,
     ZERO,
     Field,
+    Lanes,
     Photos,
     Samples,
     Work,
     compiled,
 )
-from si3fp.camera2d.radiance.kernels import (
-    clip,
-    direction_share,
-    new_work,
-    photo_ray,
-    row_of,
-    trace,
-    vertex,
-)
+from si3fp.camera2d.radiance.kernels import add_lanes, direction_share, lanes_of, new_work, trace
+from si3fp.camera2d.radiance.march import clip, photo_ray
 
 
 @compiled
-def spread_gradient(w: Work, blocks: int, weight: np.float32, v: F32) -> None:
-    """Write to ``v`` (blocks, lanes) what each weight adds to the spread along the ray.
+def shape_gradient(w: Work, blocks: int, spread: np.float32, stand_off: np.float32, v: F32) -> None:
+    """Write to ``v`` (blocks, lanes) what each weight in the slab adds to two costs of shape.
 
-    Spread: ``weight * (sum_ij w_i w_j |t_i - t_j| + sum_i w_i^2 dt_i / 3)`` over the slab (Barron
-    et al. 2022, doi:10.1109/CVPR52688.2022.00539, in metres).
+    Spread along the ray, ``spread * (sum_ij w_i w_j |t_i - t_j| + sum_i w_i^2 dt_i / 3)`` (Barron
+    et al. 2022, doi:10.1109/CVPR52688.2022.00539, in metres), and distance in front of the plane,
+    ``stand_off * sum_i w_i max(z_i, 0)``: a wall without texture lies in its plane.
     """
     total, moment = ZERO, ZERO
     for b in range(blocks):
@@ -60,18 +52,29 @@ def spread_gradient(w: Work, blocks: int, weight: np.float32, v: F32) -> None:
                 p, t = w.weight[b, s], w.distance[b, s]
                 after, after_moment = total - before - p, moment - before_moment - p * t
                 away = t * (before - after) - before_moment + after_moment
-                v[b, s] = weight * (two * away + third * p * w.step[b, s])
+                v[b, s] = spread * (two * away + third * p * w.step[b, s])
+                v[b, s] += stand_off * max(w.position[b, 2, s], ZERO)
                 before += p
                 before_moment += p * t
 
 
 @compiled
-def block_backward(  # noqa: PLR0912 plain loops, so that they become vector instructions
+def add_products(x: F32, row: int, y: Lanes, z: Lanes) -> None:
+    """``x[row] += y * z`` lane by lane; all is read before anything is written."""
+    i, a = U64(row), lanes_of(x, row)
+    x[i, 0], x[i, 1] = a[0] + y[0] * z[0], a[1] + y[1] * z[1]
+    x[i, 2], x[i, 3] = a[2] + y[2] * z[2], a[3] + y[3] * z[3]
+    x[i, 4], x[i, 5] = a[4] + y[4] * z[4], a[5] + y[5] * z[5]
+    x[i, 6], x[i, 7] = a[6] + y[6] * z[6], a[7] + y[7] * z[7]
+
+
+@compiled
+def block_backward(
     field: Field, ray: F32, w: Work, b: int, d_raw: F32, d_rgb: F32, sums: tuple[F32, F32, F32, F32]
 ) -> F32:
     """Gradient of a block's features (INPUTS, LANES); the network's is added to ``sums``.
 
-    ``d_raw`` (LANES,) is the gradient of the log density, ``d_rgb`` (3, LANES) that of the colour
+    ``d_raw`` (1, LANES) is the gradient of the log density, ``d_rgb`` (3, LANES) that of the colour
     before its logistic function.
     """
     sum_hidden, sum_density, sum_colour, sum_output = sums
@@ -79,40 +82,37 @@ def block_backward(  # noqa: PLR0912 plain loops, so that they become vector ins
     d_colour = np.zeros((HIDDEN, LANES), np.float32)
     d_hidden = np.zeros((HIDDEN, LANES), np.float32)
     d_feature = np.zeros((INPUTS, LANES), np.float32)
-    for j in range(HIDDEN + 1):
-        for c in range(3):
-            for s in range(LANES):
-                sum_output[j, c, s] += colour[j, s] * d_rgb[c, s]
+    raw = lanes_of(d_raw, 0)
+    for c in range(3):
+        d = lanes_of(d_rgb, c)
+        for j in range(HIDDEN + 1):
+            add_products(sum_output[j], c, lanes_of(colour, j), d)
+        for j in range(HIDDEN):
+            add_lanes(d_colour, j, field.output[j, c], d)
     for j in range(HIDDEN):
-        for c in range(3):
-            v = field.output[j, c]
-            for s in range(LANES):
-                d_colour[j, s] += v * d_rgb[c, s]
         for s in range(LANES):
             d_colour[j, s] = d_colour[j, s] if colour[j, s] > ZERO else ZERO
-            sum_colour[HIDDEN, j, s] += d_colour[j, s]
-            sum_colour[HIDDEN + 1, j, s] += d_colour[j, s] * ray[3]
-            sum_colour[HIDDEN + 2, j, s] += d_colour[j, s] * ray[4]
-    for k in range(HIDDEN):
-        v = field.density[k]
-        for s in range(LANES):
-            d_hidden[k, s] = v * d_raw[s]
-            sum_density[k, s] += hidden[k, s] * d_raw[s]
-    for j in range(HIDDEN):
+        d = lanes_of(d_colour, j)
+        add_lanes(sum_colour[HIDDEN], j, ONE, d)
+        add_lanes(sum_colour[HIDDEN + 1], j, ray[3], d)
+        add_lanes(sum_colour[HIDDEN + 2], j, ray[4], d)
         for k in range(HIDDEN):
-            v = field.colour[k, j]
-            for s in range(LANES):
-                d_hidden[k, s] += v * d_colour[j, s]
-                sum_colour[k, j, s] += hidden[k, s] * d_colour[j, s]
+            add_lanes(d_hidden, k, field.colour[k, j], d)
     for k in range(HIDDEN):
+        h = lanes_of(hidden, k)
+        add_lanes(d_hidden, k, field.density[k], raw)
+        add_products(sum_density, k, h, raw)
+        for j in range(HIDDEN):
+            add_products(sum_colour[k], j, h, lanes_of(d_colour, j))
         for s in range(LANES):
             d_hidden[k, s] = d_hidden[k, s] if hidden[k, s] > ZERO else ZERO
-    for j in range(HIDDEN):
-        for k in range(INPUTS):
-            v = field.hidden[k, j]
-            for s in range(LANES):
-                d_feature[k, s] += v * d_hidden[j, s]
-                sum_hidden[k, j, s] += feature[k, s] * d_hidden[j, s]
+        d = lanes_of(d_hidden, k)
+        for i in range(INPUTS):
+            add_lanes(d_feature, i, field.hidden[i, k], d)
+    for i in range(INPUTS):
+        f = lanes_of(feature, i)
+        for j in range(HIDDEN):
+            add_products(sum_hidden[i], j, f, lanes_of(d_hidden, j))
     return d_feature
 
 
@@ -124,7 +124,7 @@ def train_rays(  # noqa: PLR0912, PLR0915 one fused pass
     noise: F32,
     bounds: F32,
     steps: F32,
-    spread: np.float32,
+    shape: F32,
     huber: np.float32,
     part: int,
     out: Samples,
@@ -135,7 +135,7 @@ def train_rays(  # noqa: PLR0912, PLR0915 one fused pass
     """Render the rays of one part of a batch and leave all gradients of their colour error.
 
     ``draws`` (N, 3) photo, column, row; ``noise`` (N, 4) in 0..1, background colour and offset of
-    the samples; ``steps`` of front and slab. ``network_gradient`` (parameters,), ``gain_gradient``
+    the samples; ``steps`` of front and slab; ``shape``: weights of spread and of standing off. ``network_gradient`` (parameters,), ``gain_gradient``
     (P, 3), ``totals`` (3,): squared error, rays, rays dropped for want of room.
     """
     w = new_work()
@@ -145,8 +145,8 @@ def train_rays(  # noqa: PLR0912, PLR0915 one fused pass
         np.zeros(5, np.float32),
     )
     towards = np.zeros(HIDDEN, np.float32)
-    v_spread = np.zeros((MAX_BLOCKS, LANES), np.float32)
-    d_raw, d_rgb = np.zeros(LANES, np.float32), np.zeros((3, LANES), np.float32)
+    v_shape = np.zeros((MAX_BLOCKS, LANES), np.float32)
+    d_raw, d_rgb = np.zeros((1, LANES), np.float32), np.zeros((3, LANES), np.float32)
     error = np.zeros(3, np.float32)
     sums = (
         np.zeros((INPUTS, HIDDEN, LANES), np.float32),
@@ -182,27 +182,26 @@ def train_rays(  # noqa: PLR0912, PLR0915 one fused pass
             error[c] = off * gain
             suffix += left * error[c] * noise[r, c]
         totals[1] += 1
-        if spread > ZERO:
-            spread_gradient(w, blocks, spread, v_spread)
+        shape_gradient(w, blocks, shape[0], shape[1], v_shape)
         for b in range(blocks - 1, -1, -1):
             n = w.lanes[b]
-            d_raw[:] = ZERO
+            d_raw[0, :] = ZERO
             d_rgb[:, :] = ZERO
             largest = ZERO
             for s in range(n - 1, -1, -1):
-                value = v_spread[b, s] if spread > ZERO else ZERO
+                value = v_shape[b, s]
                 weight = w.weight[b, s]
                 for c in range(3):
                     rgb = w.rgb[b, c, s]
                     value += error[c] * rgb
                     d_rgb[c, s] = error[c] * weight * rgb * (ONE - rgb)
                 tau = w.sigma[b, s] * w.step[b, s]
-                d_raw[s] = (w.after[b, s] * value - suffix) * tau
+                d_raw[0, s] = (w.after[b, s] * value - suffix) * tau
                 suffix += weight * value
                 out.cell[part, visited] = w.cell[b, s]
                 out.sigma[part, visited] = w.sigma[b, s]
                 visited += 1
-                largest = max(largest, abs(d_raw[s]) + weight)
+                largest = max(largest, abs(d_raw[0, s]) + weight)
             if largest < np.float32(1e-6):
                 continue
             d_feature = block_backward(field, ray, w, b, d_raw, d_rgb, sums)
@@ -235,85 +234,3 @@ def train_rays(  # noqa: PLR0912, PLR0915 one fused pass
         for c in range(3):
             network_gradient[at] = sums[3][k, c].sum()
             at += 1
-
-
-@compiled
-def scatter(field: Field, level: int, samples: Samples, gradient: F32) -> None:
-    """Add the samples' gradients of one level to the table's, in the order of the samples."""
-    for part in range(samples.filled.shape[0]):
-        for n in range(samples.filled[part, 0]):
-            g = samples.gradient[part, level, n]
-            if g[0] == ZERO and g[1] == ZERO and g[2] == ZERO and g[3] == ZERO:
-                continue
-            p = samples.position[part, n]
-            i, fi = vertex(field, level, 0, p[0])
-            j, fj = vertex(field, level, 1, p[1])
-            k, fk = vertex(field, level, 2, p[2])
-            for a in range(2):
-                wa = fi if a else ONE - fi
-                for c in range(2):
-                    wac = wa * (fj if c else ONE - fj)
-                    near, far = wac * (ONE - fk), wac * fk
-                    row = gradient[row_of(field, level, i + a, j + c, k)]
-                    row[0] += near * g[0]
-                    row[1] += near * g[1]
-                    row[2] += near * g[2]
-                    row[3] += near * g[3]
-                    row = gradient[row_of(field, level, i + a, j + c, k + 1)]
-                    row[0] += far * g[0]
-                    row[1] += far * g[1]
-                    row[2] += far * g[2]
-                    row[3] += far * g[3]
-
-
-@compiled
-def adam(table: F32, gradient: F32, moments: F32, first: int, last: int, rates: F32) -> None:
-    """One Adam step on the touched rows first..last; their gradient becomes zero.
-
-    ``moments`` (E, 2, FEATURES); ``rates``: step size with both bias corrections, beta 1, beta 2,
-    epsilon.
-    """
-    rate, beta1, beta2, epsilon = rates[0], rates[1], rates[2], rates[3]
-    for e in range(first, last):
-        g = gradient[e]
-        if g[0] == ZERO and g[1] == ZERO and g[2] == ZERO and g[3] == ZERO:
-            continue
-        for f in range(FEATURES):
-            mean = beta1 * moments[e, 0, f] + (ONE - beta1) * g[f]
-            square = beta2 * moments[e, 1, f] + (ONE - beta2) * g[f] * g[f]
-            moments[e, 0, f] = mean
-            moments[e, 1, f] = square
-            table[e, f] -= rate * mean / (np.sqrt(square) + epsilon)
-            g[f] = ZERO
-
-
-@compiled
-def visit(samples: Samples, value: F32, decay: np.float32) -> None:
-    """Let the cells of the occupancy grid forget, and remember the densities just seen."""
-    for part in range(samples.filled.shape[0]):
-        for n in range(samples.filled[part, 1]):
-            cell = samples.cell[part, n]
-            value[cell] = max(value[cell] * decay, samples.sigma[part, n])
-
-
-@compiled
-def refresh(
-    value: F32, first: int, dims: I64, threshold: np.float32, occupied: NDArray[np.uint8]
-) -> None:
-    """Occupied are the cells of one region above the threshold, and their six neighbours."""
-    nx, ny, nz = dims[0], dims[1], dims[2]
-    for i in range(nx):
-        for j in range(ny):
-            for k in range(nz):
-                at = first + (i * ny + j) * nz + k
-                occupied[at] = 0
-                if (
-                    value[at] > threshold
-                    or (k > 0 and value[at - 1] > threshold)
-                    or (k < nz - 1 and value[at + 1] > threshold)
-                    or (j > 0 and value[at - nz] > threshold)
-                    or (j < ny - 1 and value[at + nz] > threshold)
-                    or (i > 0 and value[at - ny * nz] > threshold)
-                    or (i < nx - 1 and value[at + ny * nz] > threshold)
-                ):
-                    occupied[at] = 1

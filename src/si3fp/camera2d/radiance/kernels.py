@@ -1,4 +1,4 @@
-"""Compiled kernels of the radiance field, forward: march, encode, network, composite.
+"""Compiled kernels of the radiance field, forward: encode, network, composite.
 
 A ray is cut into blocks of `LANES` samples; the network runs over the lanes of a block.
 `reference` states the same equations in plain numpy.
@@ -21,12 +21,15 @@ from si3fp.camera2d.radiance.arrays import (
     OPAQUE,
     PRIME_X,
     PRIME_Y,
+    U64,
     ZERO,
     Field,
-    Photos,
+    Lanes,
+    Rows,
     Work,
     compiled,
 )
+from si3fp.camera2d.radiance.march import next_block
 
 
 @compiled
@@ -51,24 +54,46 @@ def new_work() -> Work:
 
 
 @compiled
-def vertex(field: Field, level: int, axis: int, x: float) -> tuple[np.int64, np.float32]:
-    """Lower vertex and fraction along one axis, kept inside the level."""
-    u = (x - field.low[axis]) * field.per_cell[level]
-    u = min(max(u, ZERO), np.float32(field.dims[level, axis] - 1) - np.float32(1e-3))
-    i = np.int64(u)
-    return i, u - np.float32(i)
+def corners(
+    field: Field, level: int, x: np.float32, y: np.float32, z: np.float32
+) -> tuple[Rows, Lanes]:
+    """Rows of the table and weights of the eight vertices around a place; z runs fastest."""
+    scale = field.per_cell[level]
+    u = min(max((x - field.low[0]) * scale, ZERO), field.top[level, 0])
+    v = min(max((y - field.low[1]) * scale, ZERO), field.top[level, 1])
+    w = min(max((z - field.low[2]) * scale, ZERO), field.top[level, 2])
+    i, j, k = np.int64(u), np.int64(v), np.int64(w)
+    u, v, w = u - np.float32(i), v - np.float32(j), w - np.float32(k)
+    first, mask = field.first[level], field.mask[level]
+    if mask == 0:
+        across = field.dims[level, 2]
+        a = first + (i * field.dims[level, 1] + j) * across + k
+        b, c = a + across, a + across * field.dims[level, 1]
+        d = c + across
+        e, f, g, h = a + 1, b + 1, c + 1, d + 1
+    else:
+        near, far = i * PRIME_X, (i + 1) * PRIME_X
+        low, high = j * PRIME_Y, (j + 1) * PRIME_Y
+        a, e = first + ((near ^ low ^ k) & mask), first + ((near ^ low ^ (k + 1)) & mask)
+        b, f = first + ((near ^ high ^ k) & mask), first + ((near ^ high ^ (k + 1)) & mask)
+        c, g = first + ((far ^ low ^ k) & mask), first + ((far ^ low ^ (k + 1)) & mask)
+        d, h = first + ((far ^ high ^ k) & mask), first + ((far ^ high ^ (k + 1)) & mask)
+    # Unsigned, so that no index is tested for counting from the end.
+    rows = (U64(a), U64(b), U64(c), U64(d), U64(e), U64(f), U64(g), U64(h))
+    p, q, r, s = (ONE - u) * (ONE - v), (ONE - u) * v, u * (ONE - v), u * v
+    n = ONE - w
+    return rows, (p * n, q * n, r * n, s * n, p * w, q * w, r * w, s * w)
 
 
 @compiled
-def row_of(field: Field, level: int, i: np.int64, j: np.int64, k: np.int64) -> np.int64:
-    """Row of a vertex in the table; z runs fastest because rays do."""
-    mask = field.mask[level]
-    if mask == 0:
-        at = (i * field.dims[level, 1] + j) * field.dims[level, 2] + k
-    else:
-        at = ((i * PRIME_X) ^ (j * PRIME_Y) ^ k) & mask
-    row: np.int64 = field.first[level] + at
-    return row
+def plus_row(f: Lanes, weight: np.float32, table: F32, row: np.uint64) -> Lanes:
+    """``f + weight * table[row]``."""
+    return (
+        f[0] + weight * table[row, 0],
+        f[1] + weight * table[row, 1],
+        f[2] + weight * table[row, 2],
+        f[3] + weight * table[row, 3],
+    )
 
 
 @compiled
@@ -76,81 +101,37 @@ def encode(field: Field, w: Work, b: int, lane: int) -> None:
     """Interpolated features of one sample, all levels of its region."""
     x, y, z = w.position[b, 0, lane], w.position[b, 1, lane], w.position[b, 2, lane]
     levels = field.region_levels[w.region[b, lane]]
+    feature, table = w.feature[b], field.table
     for level in range(levels):
-        i, fi = vertex(field, level, 0, x)
-        j, fj = vertex(field, level, 1, y)
-        k, fk = vertex(field, level, 2, z)
-        f0, f1, f2, f3 = ZERO, ZERO, ZERO, ZERO
-        for a in range(2):
-            wa = fi if a else ONE - fi
-            for c in range(2):
-                wac = wa * (fj if c else ONE - fj)
-                row = field.table[row_of(field, level, i + a, j + c, k)]
-                near = wac * (ONE - fk)
-                f0 += near * row[0]
-                f1 += near * row[1]
-                f2 += near * row[2]
-                f3 += near * row[3]
-                row = field.table[row_of(field, level, i + a, j + c, k + 1)]
-                far = wac * fk
-                f0 += far * row[0]
-                f1 += far * row[1]
-                f2 += far * row[2]
-                f3 += far * row[3]
+        r, g = corners(field, level, x, y, z)
+        f = plus_row((ZERO, ZERO, ZERO, ZERO), g[0], table, r[0])
+        f = plus_row(plus_row(f, g[1], table, r[1]), g[2], table, r[2])
+        f = plus_row(plus_row(f, g[3], table, r[3]), g[4], table, r[4])
+        f = plus_row(plus_row(f, g[5], table, r[5]), g[6], table, r[6])
+        f = plus_row(f, g[7], table, r[7])
         at = level * FEATURES
-        w.feature[b, at, lane] = f0
-        w.feature[b, at + 1, lane] = f1
-        w.feature[b, at + 2, lane] = f2
-        w.feature[b, at + 3, lane] = f3
+        feature[at, lane], feature[at + 1, lane] = f[0], f[1]
+        feature[at + 2, lane], feature[at + 3, lane] = f[2], f[3]
     for at in range(levels * FEATURES, INPUTS - 1):
-        w.feature[b, at, lane] = ZERO
+        feature[at, lane] = ZERO
+    feature[INPUTS - 1, lane] = ONE
 
 
 @compiled
-def next_block(field: Field, ray: F32, spans: F32, cursor: F32, w: Work, b: int) -> int:
-    """Fill block b with the next occupied samples of a ray; the number of lanes filled.
+def lanes_of(x: F32, row: int) -> Lanes:
+    """The lanes of one row."""
+    i = U64(row)
+    return (x[i, 0], x[i, 1], x[i, 2], x[i, 3], x[i, 4], x[i, 5], x[i, 6], x[i, 7])
 
-    ``ray`` is origin and unit direction, ``spans`` start, end and step per region, ``cursor`` the
-    region and the distance reached.
-    """
-    n = 0
-    while n < LANES and cursor[0] < 2:
-        r = np.int64(cursor[0])
-        t, end, step = cursor[1], spans[r, 1], spans[r, 2]
-        cell = field.region_cell[r]
-        found = False
-        at = 0
-        while t < end:
-            at = 0
-            leave = np.float32(1e9)
-            for axis in range(3):
-                d = ray[3 + axis]
-                p = ray[axis] + t * d - field.region_low[r, axis]
-                i = min(max(np.int64(p / cell), 0), field.region_dims[r, axis] - 1)
-                at = at * field.region_dims[r, axis] + i
-                if abs(d) > np.float32(1e-9):
-                    edge = np.float32(i + (1 if d > 0 else 0)) * cell
-                    leave = min(leave, (edge - p) / d)
-            at += field.region_first[r]
-            if field.occupied[at]:
-                found = True
-                break
-            t += step * max(ONE, np.float32(np.ceil(leave / step)))
-        if not found:
-            cursor[0] += ONE
-            if r == 0:
-                cursor[1] = spans[1, 0]
-            continue
-        for axis in range(3):
-            w.position[b, axis, n] = ray[axis] + t * ray[3 + axis]
-        w.distance[b, n] = t
-        w.step[b, n] = step
-        w.region[b, n] = r
-        w.cell[b, n] = at
-        cursor[1] = t + step
-        n += 1
-    w.lanes[b] = n
-    return n
+
+@compiled
+def add_lanes(x: F32, row: int, scale: np.float32, y: Lanes) -> None:
+    """``x[row] += scale * y``; all is read before anything is written."""
+    i, a = U64(row), lanes_of(x, row)
+    x[i, 0], x[i, 1] = a[0] + scale * y[0], a[1] + scale * y[1]
+    x[i, 2], x[i, 3] = a[2] + scale * y[2], a[3] + scale * y[3]
+    x[i, 4], x[i, 5] = a[4] + scale * y[4], a[5] + scale * y[5]
+    x[i, 6], x[i, 7] = a[6] + scale * y[6], a[7] + scale * y[7]
 
 
 @compiled
@@ -158,26 +139,23 @@ def evaluate_density(field: Field, w: Work, b: int, n: int) -> None:
     """Hidden layer and density of a block."""
     for lane in range(n):
         encode(field, w, b, lane)
-        w.feature[b, INPUTS - 1, lane] = ONE
-    feature, hidden = w.feature[b], w.hidden[b]
+    feature, hidden, sigma, z = w.feature[b], w.hidden[b], w.sigma[b : b + 1], w.position[b, 2]
     hidden[:, :] = ZERO
     for k in range(INPUTS):
+        f = lanes_of(feature, k)
         for j in range(HIDDEN):
-            v = field.hidden[k, j]
-            for s in range(LANES):
-                hidden[j, s] += v * feature[k, s]
-    raw = np.zeros(LANES, np.float32)
+            add_lanes(hidden, j, field.hidden[k, j], f)
+    sigma[0, :] = ZERO
     for j in range(HIDDEN):
-        v = field.density[j]
         for s in range(LANES):
             hidden[j, s] = max(hidden[j, s], ZERO)
-            raw[s] += v * hidden[j, s]
+        add_lanes(sigma, 0, field.density[j], lanes_of(hidden, j))
     for s in range(n):
         log_density = field.prior[w.region[b, s]]
         if w.region[b, s] == 1:
-            off = w.position[b, 2, s] * field.prior[3]
+            off = z[s] * field.prior[3]
             log_density += field.prior[2] * max(ZERO, ONE - off * off)
-        w.sigma[b, s] = np.exp(min(raw[s] + log_density, MAX_RAW))
+        sigma[0, s] = np.exp(min(sigma[0, s] + log_density, MAX_RAW))
 
 
 @compiled
@@ -187,21 +165,18 @@ def evaluate_colour(field: Field, towards: F32, w: Work, b: int, n: int) -> None
     for j in range(HIDDEN):
         for s in range(LANES):
             colour[j, s] = towards[j]
-    for k in range(HIDDEN):
-        for j in range(HIDDEN):
-            v = field.colour[k, j]
-            for s in range(LANES):
-                colour[j, s] += v * hidden[k, s]
     for s in range(LANES):
         colour[HIDDEN, s] = ONE
+    for k in range(HIDDEN):
+        h = lanes_of(hidden, k)
+        for j in range(HIDDEN):
+            add_lanes(colour, j, field.colour[k, j], h)
     rgb[:, :] = ZERO
     for j in range(HIDDEN + 1):
         for s in range(LANES):
             colour[j, s] = max(colour[j, s], ZERO)
         for c in range(3):
-            v = field.output[j, c]
-            for s in range(LANES):
-                rgb[c, s] += v * colour[j, s]
+            add_lanes(rgb, c, field.output[j, c], lanes_of(colour, j))
     for c in range(3):
         for s in range(n):
             rgb[c, s] = ONE / (ONE + np.exp(-rgb[c, s]))
@@ -250,48 +225,3 @@ def trace(field: Field, ray: F32, spans: F32, w: Work, towards: F32, out: F32) -
         blocks += 1
     out[3] = left
     return blocks
-
-
-@compiled
-def clip(ray: F32, field: Field, spans: F32, bounds: F32) -> bool:
-    """Spans of a ray that looks at the wall: front, then slab; False if it misses the rectangle.
-
-    ``bounds``: left, right, bottom, top of the rectangle on the plane, z where the slab ends, z
-    where it starts, share of the way to the wall that is skipped.
-    """
-    if ray[5] > np.float32(-0.02) or ray[2] <= ZERO:
-        return False
-    wall = -ray[2] / ray[5]
-    x, y = ray[0] + wall * ray[3], ray[1] + wall * ray[4]
-    if x < bounds[0] or x > bounds[1] or y < bounds[2] or y > bounds[3]:
-        return False
-    start, end = (bounds[5] - ray[2]) / ray[5], (bounds[4] - ray[2]) / ray[5]
-    near = wall * bounds[6]
-    for axis in range(2):
-        d = ray[3 + axis]
-        low = field.region_low[1, axis]
-        high = low + field.region_cell[1] * np.float32(field.region_dims[1, axis])
-        if abs(d) > np.float32(1e-9):
-            a, b = (low - ray[axis]) / d, (high - ray[axis]) / d
-            start, end = max(start, min(a, b)), min(end, max(a, b))
-    spans[0, 0] = near
-    spans[0, 1] = (bounds[5] - ray[2]) / ray[5]
-    spans[1, 0] = max(start, near)
-    spans[1, 1] = end
-    return bool(spans[1, 0] < end)
-
-
-@compiled
-def photo_ray(photos: Photos, photo: int, x: float, y: float, ray: F32) -> None:
-    """Origin and unit direction of the ray through the centre of pixel (x, y) of a photo."""
-    matrix = photos.direction[photo]
-    u, v = np.float32(x) + np.float32(0.5), np.float32(y) + np.float32(0.5)
-    length = ZERO
-    for axis in range(3):
-        ray[axis] = photos.centre[photo, axis]
-        d = matrix[axis, 0] * u + matrix[axis, 1] * v + matrix[axis, 2]
-        ray[3 + axis] = d
-        length += d * d
-    length = np.sqrt(length)
-    for axis in range(3):
-        ray[3 + axis] /= length

@@ -140,6 +140,7 @@ def new_field(
         layout.low_m.astype(np.float32),
         (1.0 / layout.cell_m).astype(np.float32),
         layout.dims,
+        (layout.dims - 1.001).astype(np.float32),
         layout.first[:-1].copy(),
         layout.mask,
         table,

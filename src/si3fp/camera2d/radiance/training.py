@@ -19,9 +19,10 @@ from si3fp.camera2d.radiance.arrays import (
     Field,
     Samples,
 )
-from si3fp.camera2d.radiance.gradients import adam, refresh, scatter, train_rays, visit
+from si3fp.camera2d.radiance.gradients import train_rays
 from si3fp.camera2d.radiance.layout import FRONT, SLAB, FieldLayout
 from si3fp.camera2d.radiance.rays import TrainingPhotos
+from si3fp.camera2d.radiance.tables import adam, refresh, scatter, visit
 from si3fp.camera2d.radiance.views import cell_densities, render_pixels
 from si3fp.config import RadianceConfig
 from si3fp.geometry.rigid import FloatArray
@@ -124,7 +125,8 @@ class Trainer:
         draws = self.photos.draw(self.rng, number)
         noise = self.rng.random((number, 4), dtype=np.float32)
         steps = self._steps(fraction)
-        spread = np.float32(config.spread_weight * np.clip(2.0 * fraction - 0.5, 0.0, 1.0))
+        late = np.clip(2.0 * fraction - 0.5, 0.0, 1.0)
+        shape = np.array([late * config.spread_weight, config.stand_off_weight], np.float32)
         packed = self.photos.photos
         gains = np.zeros((PARTS, *packed.gain.shape), np.float32)
         weights = np.zeros((PARTS, len(self.network)), np.float32)
@@ -140,7 +142,7 @@ class Trainer:
                 noise[rows],
                 self.bounds,
                 steps,
-                spread,
+                shape,
                 np.float32(config.huber),
                 part,
                 self.samples_left,

@@ -17,14 +17,8 @@ from si3fp.camera2d.radiance.arrays import (
     Photos,
     compiled,
 )
-from si3fp.camera2d.radiance.kernels import (
-    clip,
-    direction_share,
-    evaluate_density,
-    new_work,
-    photo_ray,
-    trace,
-)
+from si3fp.camera2d.radiance.kernels import direction_share, evaluate_density, new_work, trace
+from si3fp.camera2d.radiance.march import clip, photo_ray
 
 
 @compiled
