@@ -16,9 +16,12 @@ import pytest
 from PIL import Image
 
 from si3fp.camera2d import colmap_job
+from si3fp.camera2d.coherence import ModelView, agreeing_share, coherence, scales_contradict
+from si3fp.camera2d.overlap import Features
+from si3fp.camera2d.photo_pairs import pairs_to_match
 from si3fp.camera2d.scale import scale_from_distances
 from si3fp.camera2d.sfm import PhotoFile, reconstruct, triangulate_known
-from si3fp.config import SfmConfig
+from si3fp.config import CaptureConfig, SfmConfig
 from si3fp.errors import InputError, ReconstructionError
 from si3fp.geometry.pinhole import Pinhole
 from si3fp.geometry.rigid import Rigid3
@@ -278,6 +281,101 @@ def test_changes_make_a_run_start_anew(tmp_path):
     assert kept(config=asdict(SfmConfig(max_side_px=99))) == (None, [False, False])
     (tmp_path / "job.json").write_text("{")
     assert colmap_job._keep_what_holds(tmp_path, job) is None
+
+
+def two_walks(alike):
+    """A model of two walks around different buildings, folded into one.
+
+    Photos 0 to 5 are the first walk, 6 to 11 the second, with the same poses. The buildings share
+    ``alike`` of their points.
+    """
+    rng = np.random.default_rng(0)
+    points = np.concatenate(
+        [np.insert(rng.uniform(0, (4, 6), (1500, 2)), wall, 0.0, axis=1) for wall in (0, 1)]
+    )
+    owner = rng.choice(3, len(points), p=[(1 - alike) / 2, (1 - alike) / 2, alike])
+    photos, seen = {}, {}
+    for walk in (0, 1):
+        for number, pose in enumerate(poses(6), start=6 * walk):
+            photos[number] = Photo(str(number), CAMERA, pose)
+            pixels = CAMERA.project(pose.apply(points))
+            inside = ((pixels > 0) & (pixels < [320, 240])).all(axis=1)
+            found = rng.random(len(points)) < 0.8  # not every point is found in every photo
+            seen[number] = np.flatnonzero(inside & found & np.isin(owner, [walk, 2]))
+    return ModelView(photos, points, seen)
+
+
+def test_a_folded_model_is_noticed():
+    folded = coherence(two_walks(alike=0.2), {}, SfmConfig())
+    # Each photo and the one at the same place in the other walk show different buildings.
+    assert {(n, n + 6) for n in range(6)} <= set(folded.strangers)
+    assert all((first < 6) != (second < 6) for first, second in folded.strangers)
+    assert folded.neighbours > len(folded.strangers)
+    sound = coherence(two_walks(alike=1.0), {}, SfmConfig())
+    assert sound.neighbours == folded.neighbours
+    assert sound.strangers == ()
+
+
+def test_matches_that_the_model_contradicts_are_noticed():
+    model = two_walks(alike=1.0)
+    cameras = [model.photos[number].cam_from_world for number in (0, 3)]
+    there = [camera.apply(model.points) for camera in cameras]
+    rays = tuple(points / points[:, 2:] for points in there)
+    assert agreeing_share(rays, model.photos[0], model.photos[3], SfmConfig()) == 1.0
+    assert coherence(model, {(0, 3): rays}, SfmConfig()).opposed == ()
+    # A facade that repeats: each point matches the one a window above it.
+    shifted = cameras[1].apply(np.add(model.points, [0.0, 0.0, 1.5]))
+    wrong = (rays[0], shifted / shifted[:, 2:])
+    assert agreeing_share(wrong, model.photos[0], model.photos[3], SfmConfig()) < 0.1
+    assert coherence(model, {(0, 3): wrong}, SfmConfig()).opposed == ((0, 3),)
+
+
+def test_models_of_other_shape_contradict_each_other():
+    model = two_walks(alike=1.0)
+
+    def moved(change):
+        photos = {}
+        for number, photo in model.photos.items():
+            pose = photo.cam_from_world
+            centre = change(photo.centre_in_world)
+            photos[number] = replace(
+                photo, cam_from_world=Rigid3(pose.rotation, -pose.rotation @ centre)
+            )
+        return replace(model, photos=photos)
+
+    assert not scales_contradict(model, moved(lambda centre: 3.0 * centre + 1.0))
+    assert scales_contradict(model, moved(lambda centre: centre * [1.0, 4.0, 1.0]))
+    assert not scales_contradict(model, ModelView({}, np.zeros((0, 3)), {}))
+
+
+def test_pairs_of_many_photos():
+    config = SfmConfig(all_pairs_up_to=10, followers=2, near_photos=1)
+    places = np.full((40, 3), np.nan)
+    places[[5, 30]] = [[0, 0, 0], [20, 0, 0]]
+    places[[12, 33]] = [[500, 0, 0], [540, 0, 0]]
+    nothing = [Features(np.zeros((0, 2)), np.zeros((0, 128), np.float32))] * 40
+    pairs = pairs_to_match(places, lambda: nothing, config, CaptureConfig())
+    following = {(a, b) for a in range(40) for b in range(a + 1, 40) if b - a <= 2}
+    assert set(pairs) == following | {(0, 38), (0, 39), (1, 38), (1, 39), (5, 30)}
+    assert pairs == sorted(pairs)
+    few = pairs_to_match(places[:10], lambda: pytest.fail("not needed"), config, CaptureConfig())
+    assert len(few) == 45
+
+
+@pytest.mark.slow
+def test_colmap_folds_buildings_with_one_ornament_and_it_is_said(tmp_path):
+    own, other = (texture(3), texture(4)), (texture(50), texture(51))
+    width = own[0].shape[1] // 5
+    other[0][:, :width], other[1][:, -width:] = own[0][:, :width], own[1][:, -width:]
+    ids = []
+    for name, textures in (("a", own), ("b", other)):
+        for number, pose in enumerate(poses(8)):
+            ids.append(f"{name}{number}.png")
+            cv2.imwrite(str(tmp_path / ids[-1]), render(pose, textures))
+    result = reconstruct(tmp_path, [PhotoFile(i) for i in ids], tmp_path / "work", CONFIG)
+    assert len(result.photo_ids) == 16  # all in one model, one building on top of the other
+    assert "may be folded" in result.notes[0]
+    assert result.models[0].doubts == result.notes[:1]
 
 
 @pytest.mark.slow

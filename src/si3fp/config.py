@@ -74,7 +74,8 @@ class SfmConfig:
     adjustments: int = 20  # decision: iterations of the last adjustment; 15 are enough
     same_view_deg: float = 15.0  # decision: SIFT matches a wall seen from directions so near
     same_view_ratio: float = 1.5  # decision: and from distances so alike
-    stranger_share: float = 0.3  # decision: of the common points; two correct models: 0.62 and more
+    stranger_share: float = 0.3  # decision: of the common points; correct models: 0.62 and up
+    stranger_of_usual: float = 0.6  # decision: of the usual share; correct models: 0.78 and up
     min_strangers: int = 3  # decision: pairs; one may have a van before the lens
     agree_share: float = 1 / 600  # decision: of the longer side, error of a match; 4 px in 2400
     strong_matches: int = 100  # decision: two correct models rejected 41 and 21 at most

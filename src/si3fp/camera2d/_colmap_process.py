@@ -28,7 +28,6 @@ from si3fp.camera2d.coherence import (
     ModelView,
     agreeing_share,
     coherence,
-    neighbours,
     scales_contradict,
 )
 from si3fp.config import SfmConfig
@@ -273,13 +272,8 @@ def _write_report(
 
 def _match_neighbours(database: Path, views: list[ModelView], job: Job, config: SfmConfig) -> None:
     """Match photos that a model puts side by side and that nobody has compared yet."""
-    known = {tuple(pair) for pair in job["pairs"]}
-    missing = {
-        (pair.first, pair.second)
-        for model in views
-        for pair in neighbours(model, config)
-        if pair.shared < config.stranger_share * pair.expected
-    } - known
+    strangers = {pair for model in views for pair in coherence(model, {}, config).strangers}
+    missing = strangers - {tuple(pair) for pair in job["pairs"]}
     if missing:
         _match(database, [list(pair) for pair in sorted(missing)], config, job["seed"])
 
