@@ -171,18 +171,21 @@ def test_photos_that_do_not_hang_together_are_named_with_what_to_do(scene, tmp_p
     others = write_scene(tmp_path, seed=77, poses=poses(6)[:3], prefix="other ")
     cv2.imwrite(str(tmp_path / "fog.png"), np.full((240, 320), 90, np.uint8))
     (tmp_path / "torn.png").write_bytes((tmp_path / "fog.png").read_bytes()[:20])
+    whole = (scene.folder / scene.photos[5].id).read_bytes()
+    (tmp_path / "half.png").write_bytes(whole[: len(whole) // 2])
     for photo in scene.photos[:4]:
         (tmp_path / photo.id).write_bytes((scene.folder / photo.id).read_bytes())
-    ids = [p.id for p in (*scene.photos[:4], *others.photos)] + ["fog.png", "torn.png"]
+    ids = [p.id for p in (*scene.photos[:4], *others.photos)] + ["fog.png", "torn.png", "half.png"]
     # Their poses are those of the others, yet nothing is in common.
     result = reconstruct(tmp_path, [PhotoFile(i) for i in ids], tmp_path / "work", CONFIG)
     assert [len(model.photo_ids) for model in result.models] == [4, 3]
     assert result.photo_ids == tuple(photo.id for photo in scene.photos[:4])
-    assert result.lost.keys() == {*(photo.id for photo in others.photos), "fog.png", "torn.png"}
+    assert set(result.lost) == {*(photo.id for photo in others.photos), *ids[-3:]}
     assert "without texture" in result.lost["fog.png"]
     assert "cannot be read" in result.lost["torn.png"]
+    assert "cannot be read" in result.lost["half.png"]
     assert "model 1" in result.lost["other photo 0.png"]
-    assert "Only 4 of 9 photos are connected" in result.notes[0]
+    assert "Only 4 of 10 photos are connected" in result.notes[0]
     assert "other photo 0.png to other photo 2.png (3 photos) form a model" in result.notes[1]
 
 
@@ -262,6 +265,11 @@ def test_photos_that_cannot_be_used(tmp_path):
         reconstruct(tmp_path, [PhotoFile("turned.jpg")], tmp_path / "work")
     with pytest.raises(InputError, match="No photo"):
         reconstruct(tmp_path, [PhotoFile("none.jpg")], tmp_path / "work")
+    for focal_px in (0.0, -5.0, np.nan, np.inf):
+        with pytest.raises(InputError, match=r"a\.jpg: a focal length"):
+            PhotoFile("a.jpg", focal_px=focal_px)
+    with pytest.raises(InputError, match=r"a\.jpg: its position"):
+        PhotoFile("a.jpg", position_m=(0.0, np.nan, 0.0))
 
 
 def test_changes_make_a_run_start_anew(tmp_path):

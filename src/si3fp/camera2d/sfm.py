@@ -49,6 +49,12 @@ class PhotoFile:
     focal_px: float | None = None
     position_m: tuple[float, float, float] | None = None
 
+    def __post_init__(self) -> None:
+        if self.focal_px is not None and not 0 < self.focal_px < np.inf:
+            raise InputError(f"{self.id}: a focal length of {self.focal_px} px cannot be.")
+        if self.position_m is not None and not np.isfinite(self.position_m).all():
+            raise InputError(f"{self.id}: its position {self.position_m} is not finite.")
+
 
 def focal_from_35mm(focal_35mm: float, width_px: int, height_px: int) -> float:
     """Focal length in pixels of one given for 35 mm film with the same diagonal angle of view.
@@ -87,8 +93,8 @@ def reconstruct(
     config
         Constants; the defaults where left out.
     seed
-        Of everything random. Features and matches are the same with any number of threads; the
-        poses repeat bit for bit with `SfmConfig.mapper_threads` = 1.
+        Of everything random. The same photos and settings give the same files bit for bit on one
+        machine as long as `SfmConfig.mapper_threads` is 1.
     progress
         Told about the steps ``pairs``, ``features``, ``matches`` and ``cameras``.
 
@@ -194,8 +200,11 @@ def _read_sources(
             with Image.open(BytesIO(content)) as picture:
                 orientation = picture.getexif().get(_ORIENTATION, 1)
                 width, height = picture.size
-        except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-            lost[name] = f"cannot be read as a picture ({error}); copy it again"
+        except FileNotFoundError:
+            lost[name] = f"is not in {folder}"
+            continue
+        except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
+            lost[name] = "cannot be read as a picture; copy it again"
             continue
         if orientation not in (0, 1):
             raise InputError(f"{folder / name} is turned by its EXIF; give upright pixels.")
