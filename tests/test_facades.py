@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from si3fp.camera2d.facades import find_facades, walls_seen_from_above
-from si3fp.camera2d.wall_runs import best_labels
+from si3fp.camera2d.wall_support import best_labels
 from si3fp.config import PlaneConfig
 from si3fp.errors import InputError, ReconstructionError
 from si3fp.geometry.pinhole import Pinhole

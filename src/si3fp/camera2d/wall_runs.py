@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from si3fp.camera2d.wall_lines import PlanLine, WallLine, find_wall_lines, fit_line
 from si3fp.camera2d.wall_points import IntArray, WallPoints
+from si3fp.camera2d.wall_support import best_labels, support_along
 from si3fp.config import PlaneConfig
 from si3fp.geometry.rigid import FloatArray
 
@@ -23,6 +24,7 @@ _MAX_BEND_DEG = 1.5  # of a long wall in a bent reconstruction
 _PARALLEL_SINE = 0.1  # of two lines whose intersection says nothing
 _CROSSED_M = 0.3  # by which walls cross that do not just meet
 _MIN_MEMBERS = 8  # points of a stretch
+_MIN_STRETCH_M = 0.25
 _END_COLUMN_M = 0.25
 _END_SHARE = 0.25  # of the usual rows of points above one another
 
@@ -71,7 +73,9 @@ def find_walls(points: WallPoints, config: PlaneConfig) -> list[WallRun]:
     runs = cut_into_runs(find_wall_lines(points, config), points, config)
     kept: list[WallRun] = []
     for run in sorted(runs, key=lambda run: -len(run.members)):
-        kept.append(_uncrossed(run, kept, points))
+        rest = _uncrossed(run, kept, points)
+        if len(rest.members) >= _MIN_MEMBERS and rest.width_m >= _MIN_STRETCH_M:
+            kept.append(rest)
     return sorted(kept, key=lambda run: (-run.width_m, run.line.foot_in_world.tolist()))
 
 
@@ -143,13 +147,7 @@ def _runs_of(group: Sequence[WallLine], points: WallPoints, config: PlaneConfig)
     along = [axis.coordinates(points.points_in_world[wall.members])[:, 0] for wall in group]
     lowest = min(float(one.min()) for one in along)
     count = int((max(float(one.max()) for one in along) - lowest) / config.cell_m) + 1
-    loose = np.ones(len(points.weights), dtype=np.bool_)
-    for wall in group:
-        loose[wall.members] = False
-    support = np.array(
-        [_flat_rows(wall, loose, axis, lowest, count, points, config) for wall in group]
-    )
-    support = _without_relief(support, group, points, config)
+    support = support_along(group, lowest, count, points, config)
     empty = np.full((1, count), config.min_rows)
     labels = best_labels(np.concatenate([support, empty]), config.change_rows)
     runs: list[WallRun] = []
@@ -182,31 +180,6 @@ def _joined(first: WallRun, second: WallRun, points: WallPoints, config: PlaneCo
     return replace(run, members=members, left_m=float(along.min()), right_m=float(along.max()))
 
 
-def _flat_rows(
-    wall: WallLine,
-    loose: NDArray[np.bool_],
-    axis: PlanLine,
-    lowest: float,
-    count: int,
-    points: WallPoints,
-    config: PlaneConfig,
-) -> FloatArray:
-    """Rows of cells (B,) in which a wall has a face: hedges scatter loose points about it."""
-    mine = np.zeros(len(points.weights), dtype=np.bool_)
-    mine[wall.members] = True
-    front = np.abs(wall.line.coordinates(points.points_in_world)[:, 1])
-    near = np.flatnonzero(mine | ((front <= config.relief_m) & loose & ~wall.crossed))
-    along = axis.coordinates(points.points_in_world[near])[:, 0]
-    column = np.floor((along - lowest) / config.cell_m).astype(np.int64)
-    row = np.floor(points.points_in_world[near, 2] / config.cell_m).astype(np.int64)
-    inside = (column >= 0) & (column < count)
-    cells, cell = np.unique(np.stack([column[inside], row[inside]]), axis=1, return_inverse=True)
-    every = np.bincount(cell.reshape(-1))
-    own = np.bincount(cell.reshape(-1), weights=mine[near][inside])
-    flat = cells[0, (own > 0) & (own >= config.min_flat * every)]
-    return np.bincount(flat, minlength=count).astype(np.float64)
-
-
 def _goes_on(first: WallRun, second: WallRun, config: PlaneConfig) -> bool:
     """Whether two stretches side by side are one wall: no gap, and no step or bend to speak of."""
     shorter, longer = sorted((first, second), key=lambda run: run.width_m)
@@ -215,57 +188,6 @@ def _goes_on(first: WallRun, second: WallRun, config: PlaneConfig) -> bool:
     straight = first.line.outward @ second.line.outward >= np.cos(np.deg2rad(_MAX_BEND_DEG))
     step = np.abs(front).min() if straight else np.abs(front).max()
     return bool(gap <= config.gap_m and step <= config.min_step_m)
-
-
-def _without_relief(
-    support: FloatArray, group: Sequence[WallLine], points: WallPoints, config: PlaneConfig
-) -> FloatArray:
-    """The support (K, B) with that of frames, sills and plinths given to the wall they belong to.
-
-    A plane is relief where it stands so near a stronger one that both can be one wall and has the
-    upper hand in few of its own places.
-    """
-    support = support.copy()
-    order = np.argsort(-support.sum(axis=1), kind="stable")
-    for place, strong in enumerate(order):
-        for weak in order[place + 1 :]:
-            middle = points.points_in_world[group[weak].members, :2].mean(axis=0)
-            distance = abs(float(group[strong].line.coordinates(middle)[1]))
-            own = support[weak] >= config.min_rows
-            if distance > config.relief_m or not own.any():
-                continue
-            if (support[weak] > support[strong])[own].mean() <= config.relief_share:
-                shared = own & (support[strong] > 0)
-                support[strong, shared] = np.maximum(support[strong], support[weak])[shared]
-                support[weak] = 0.0
-    return support
-
-
-def best_labels(support: FloatArray, change_cost: float) -> NDArray[np.intp]:
-    """The row of ``support`` (K, B) chosen in every column (B,), each change costing as much.
-
-    The sum of the supports chosen minus the costs is largest (Viterbi 1967). Outside the columns
-    is the last row.
-
-    Examples
-    --------
-    >>> best_labels(np.array([[5.0, 5, 0, 5], [1, 1, 1, 1]]), change_cost=2.5).tolist()
-    [0, 0, 0, 0]
-    """
-    states, columns = support.shape
-    total = support[:, 0] - np.where(np.arange(states) == states - 1, 0.0, change_cost)
-    came_from = np.zeros((columns, states), dtype=np.intp)
-    for column in range(1, columns):
-        best = int(total.argmax())
-        changed = total[best] - change_cost
-        came_from[column] = np.where(total >= changed, np.arange(states), best)
-        total = np.maximum(total, changed) + support[:, column]
-    total = total - np.where(np.arange(states) == states - 1, 0.0, change_cost)
-    labels = np.zeros(columns, dtype=np.intp)
-    labels[-1] = int(total.argmax())
-    for column in range(columns - 1, 0, -1):
-        labels[column - 1] = came_from[column, labels[column]]
-    return labels
 
 
 def _fitted(
@@ -291,7 +213,8 @@ def _ends(along: FloatArray, height: FloatArray) -> tuple[float, float]:
     column = np.floor((along - lowest) / _END_COLUMN_M).astype(np.int64)
     cells = np.unique(np.stack([column, np.floor(height / _END_COLUMN_M).astype(np.int64)]), axis=1)
     rows = np.bincount(cells[0])
-    tall = np.flatnonzero(rows >= max(2.0, _END_SHARE * float(np.median(rows[rows > 0]))))
+    usual = float(np.quantile(rows[rows > 0], 0.75))
+    tall = np.flatnonzero(rows >= max(2.0, _END_SHARE * usual))
     if not len(tall):
         return lowest, float(along.max())
     return float(along[column == tall[0]].min()), float(along[column == tall[-1]].max())
