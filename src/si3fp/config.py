@@ -165,7 +165,7 @@ class RadianceConfig:
     plane_rise: float = 2.0  # decision: log density that the plane starts above the slab
     plane_rise_m: float = 0.05  # decision: half width of that rise
     batch_samples: int = 65536
-    samples_per_px: float = 100.0  # decision: budget per ortho pixel; 80 sufficed (RADIANCE)
+    samples_per_px: float = 150.0  # decision: budget per ortho pixel
     budget_s: float = 600.0  # upper limit; where it binds, a run depends on the machine
     learning_rate: float = 3e-2  # of features and photo gains
     network_rate: float = 1e-2
@@ -176,7 +176,7 @@ class RadianceConfig:
     shorten_until: float = 0.2
     huber: float = 0.1  # decision: colour errors above this count linearly (0..1)
     spread_weight: float = 0.01  # decision: cost of density in two places, per metre; late
-    stand_off_weight: float = 0.0
+    stand_off_weight: float = 0.005  # decision: cost of density off the plane, per metre; late
     prune_from: float = 0.04  # share of the budget after which empty cells are skipped
     prune_growth: float = 1.3  # and again each time the training is this much longer
     keep: float = 0.4  # decision: of the densest value seen in a cell, each time
@@ -274,7 +274,6 @@ class MosaicConfig:
     min_seen: float = 0.02  # decision: share of the facade that a photo must show
     min_photos: int = 2  # decision: what fewer photos see is masked
     clearance_m: float = 0.5  # decision: what stands so near before the wall belongs to it
-    balcony_m: float = 2.5  # decision: what stands farther before the wall is no part of it
     point_reach_m: float = 0.4  # decision: around its place on the wall, standard deviation
     min_points: float = 1.5  # decision: a single point may be a wrong match
     wall_point_weight: float = 2.0  # decision: points before the wall that one on it outweighs

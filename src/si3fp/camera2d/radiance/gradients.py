@@ -16,6 +16,7 @@ from si3fp.camera2d.radiance.arrays import (
     LEVELS,
     MAX_BLOCKS,
     ONE,
+    STAND_OFF_M,
     U64,
     ZERO,
     Field,
@@ -35,7 +36,8 @@ def shape_gradient(w: Work, blocks: int, spread: np.float32, stand_off: np.float
 
     Spread along the ray, ``spread * (sum_ij w_i w_j |t_i - t_j| + sum_i w_i^2 dt_i / 3)`` (Barron
     et al. 2022, doi:10.1109/CVPR52688.2022.00539, in metres), and distance in front of the plane,
-    ``stand_off * sum_i w_i max(z_i, 0)``: a wall without texture lies in its plane.
+    ``stand_off * sum_i w_i min(max(z_i, 0), STAND_OFF_M)``: what has no texture lies in the
+    plane, but a balcony is as good where it stands.
     """
     total, moment = ZERO, ZERO
     for b in range(blocks):
@@ -53,7 +55,7 @@ def shape_gradient(w: Work, blocks: int, spread: np.float32, stand_off: np.float
                 after, after_moment = total - before - p, moment - before_moment - p * t
                 away = t * (before - after) - before_moment + after_moment
                 v[b, s] = spread * (two * away + third * p * w.step[b, s])
-                v[b, s] += stand_off * max(w.position[b, 2, s], ZERO)
+                v[b, s] += stand_off * min(max(w.position[b, 2, s], ZERO), STAND_OFF_M)
                 before += p
                 before_moment += p * t
 
@@ -117,7 +119,7 @@ def block_backward(
 
 
 @compiled
-def train_rays(  # noqa: PLR0912, PLR0915 one fused pass
+def train_rays(  # noqa: PLR0912, PLR0915
     field: Field,
     photos: Photos,
     draws: I64,
@@ -135,8 +137,9 @@ def train_rays(  # noqa: PLR0912, PLR0915 one fused pass
     """Render the rays of one part of a batch and leave all gradients of their colour error.
 
     ``draws`` (N, 3) photo, column, row; ``noise`` (N, 4) in 0..1, background colour and offset of
-    the samples; ``steps`` of front and slab; ``shape``: weights of spread and of standing off. ``network_gradient`` (parameters,), ``gain_gradient``
-    (P, 3), ``totals`` (3,): squared error, rays, rays dropped for want of room.
+    the samples; ``steps`` of front and slab; ``shape``: weights of spread and of standing off.
+    Written: ``network_gradient`` (parameters,), ``gain_gradient`` (P, 3), ``totals`` (3,): squared
+    error, rays, rays dropped for want of room.
     """
     w = new_work()
     ray, spans, shaded = (

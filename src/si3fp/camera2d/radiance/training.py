@@ -126,7 +126,7 @@ class Trainer:
         noise = self.rng.random((number, 4), dtype=np.float32)
         steps = self._steps(fraction)
         late = np.clip(2.0 * fraction - 0.5, 0.0, 1.0)
-        shape = np.array([late * config.spread_weight, config.stand_off_weight], np.float32)
+        shape = late * np.array([config.spread_weight, config.stand_off_weight], np.float32)
         packed = self.photos.photos
         gains = np.zeros((PARTS, *packed.gain.shape), np.float32)
         weights = np.zeros((PARTS, len(self.network)), np.float32)
