@@ -5,7 +5,7 @@ import pytest
 from tests.scenes.recessed import BALCONY_DEPTH_M, rendered
 
 from si3fp.model import Detections, OrthoImage, Window
-from si3fp.windows.balcony import SLAB_M, complete_doors, complete_inferred, find_balconies
+from si3fp.windows.balcony import complete_doors, complete_inferred, find_balconies
 from si3fp.windows.fuse import FusedDetections
 
 CAMERAS = {name: np.array([x, 3.0, 7.0]) for name, x in (("a", 2.0), ("b", 4.0), ("c", 6.0))}
@@ -48,6 +48,14 @@ def test_a_balcony_has_a_door(doors):
     assert len(balconies(FRONT, np.asarray(doors))[0]) == 0
 
 
+def test_a_balcony_that_grew_together_with_a_bulge_of_the_wall_is_found():
+    render = rendered([], 0.1, CAMERAS, balconies=[FRONT])
+    depth = render.ortho.depth_m.copy()
+    depth[330:600, 0:300] = np.maximum(depth[330:600, 0:300], 0.7)
+    found, _ = find_balconies(with_depth(render, depth), DOOR_PX, 0.0, 0.01)
+    assert found.boxes_px == pytest.approx(np.array([[260, 310, 520, 420]]), abs=2)
+
+
 def test_a_rail_of_bars_is_a_balcony_and_a_bush_is_none():
     render = rendered([], 0.1, CAMERAS)
     bars = render.ortho.depth_m.copy()
@@ -82,7 +90,9 @@ def completed(boxes, unseen_rows=slice(0)):
 
 def test_the_foot_of_a_door_that_a_front_hides_is_completed_to_the_floor():
     whole = completed([[340, 180, 440, 312]])
-    assert whole.detections.boxes_px[0] == pytest.approx([340, 180, 440, 420 - 100 * SLAB_M], abs=1)
+    assert whole.detections.boxes_px[0] == pytest.approx(
+        [340, 180, 440, 400], abs=3
+    )  # 0.2 m above the slab's underside
     assert "completed to its floor" in whole.notes[0]
     assert whole.detections.edge_sigma_px[0, 3] > 0
 
@@ -108,7 +118,7 @@ def test_an_inferred_window_above_a_balcony_is_its_door():
     inferred = Window(3.4, 3.0, 1.0, 1.2, origin="inferred", evidence="not detected")
     beside = Window(6.0, 3.0, 1.0, 1.2, origin="inferred")
     door, other = complete_inferred([inferred, beside], balconies, unseen, render.grid)
-    assert (door.y_m, door.y_m + door.height_m) == pytest.approx((1.8 + SLAB_M, 4.2), abs=0.02)
+    assert (door.y_m, door.y_m + door.height_m) == pytest.approx((2.0, 4.2), abs=0.03)
     assert door.label == "balcony_door"
     assert "completed to its floor" in door.evidence
     assert other is beside

@@ -96,6 +96,19 @@ def test_a_balcony_beside_a_window_is_not_its_wall():
     assert estimate.recess_m == pytest.approx(0.15, abs=0.01)
 
 
+def test_a_wall_that_bulges_around_a_window_is_still_flat():
+    render = rendered(WINDOWS, 0.15, CAMERAS)
+    depth = render.ortho.depth_m.copy()
+    left, top, right, bottom = BOXES[1].astype(int)
+    around = np.s_[top - 60 : bottom + 60, left - 60 : right + 60]
+    bulge = 0.28 * np.random.default_rng(0).random(depth[around].shape)
+    depth[around] = np.where(depth[around] > -0.1, bulge, depth[around])
+    estimate = recesses(changed(render, depth))[1]
+    # The bulge is 0.14 m in the middle, and believed by less than half.
+    assert estimate.recess_m == pytest.approx(0.15, abs=0.07)
+    assert estimate.sigma_m > recesses(rendered(WINDOWS, 0.15, CAMERAS))[1].sigma_m
+
+
 def test_no_windows_and_no_depth():
     render = rendered(WINDOWS, 0.15, CAMERAS)
     assert recesses(render, np.zeros((0, 4))) == ()

@@ -30,6 +30,10 @@ IN_FRONT_M = 0.4
 """What stands so far in front of the wall is no wall and no window of it."""
 FRAME_M = 0.10
 """Width of the strip inside a window's border where its frame is looked for."""
+WALL_SIGMA_M = 0.02
+"""No wall's depth is known better."""
+FLAT_M = 0.08
+"""How far the wall lies off its usual depth, standard deviation."""
 KNOWN_SHARE = 0.5
 """Share of an area whose depth must be known."""
 LEAST_PARTS = 3
@@ -94,7 +98,7 @@ def depth_recesses(
     boxes_px
         Windows without their surrounds.
     wall_m
-        Depth of the wall, for windows around which it is not known.
+        Usual depth of the wall.
     m_per_px
         Resolution.
     config
@@ -110,10 +114,10 @@ def depth_recesses(
     boxes = np.asarray(boxes_px, np.float64).reshape(-1, 4)
     depth_m = known_depth(ortho)
     depth_m = np.where(depth_m - wall_m > IN_FRONT_M, np.nan, depth_m)
-    walls = np.array([_wall_around(depth_m, box, boxes, wall_m, m_per_px) for box in boxes])
+    walls = [_wall_around(depth_m, box, boxes, wall_m, m_per_px) for box in boxes]
     own = [
-        _own_recess(depth_m, box, wall, m_per_px, config.recess_floor_m)
-        for box, wall in zip(boxes, walls, strict=True)
+        _own_recess(depth_m, box, around_m, m_per_px, np.hypot(config.recess_floor_m, sigma_m))
+        for box, (around_m, sigma_m) in zip(boxes, walls, strict=True)
     ]
     log_size = np.log(np.maximum(boxes[:, 2:] - boxes[:, :2], 1.0))
     estimates = []
@@ -133,15 +137,19 @@ def depth_recesses(
             config.recess_floor_m,
         )
         how = "depth" if np.isfinite(mine[0]) else f"the depth of {len(told)} windows of its size"
-        glass_m = value_m - float(walls[index])
+        glass_m = value_m - walls[index][0]
         estimates.append(RecessEstimate(value_m, sigma_m, glass_m, 1, how))
     return tuple(estimates)
 
 
 def _wall_around(
     depth_m: FloatArray, box: FloatArray, boxes: FloatArray, usual_m: float, m_per_px: float
-) -> float:
-    """Depth of the wall in the ring around a window, the usual one if the ring tells too little."""
+) -> tuple[float, float]:
+    """Depth of the wall around a window and its standard deviation.
+
+    The ring around the window tells it, the less the more it scatters: walls without texture bulge
+    in a render, but are flat.
+    """
     near, far = SURROUND_M / m_per_px, (SURROUND_M + RING_M) / m_per_px
     outwards = np.array([-1.0, -1.0, 1.0, 1.0])
     rows, columns = part_of(box + far * outwards)
@@ -153,7 +161,12 @@ def _wall_around(
         ring[inner_rows, inner_columns] = np.nan
     near_wall = ring[np.abs(ring - usual_m) < WALL_WITHIN_M]
     area = (far - near) * float((box[2:] - box[:2]).sum())
-    return float(np.median(near_wall)) if len(near_wall) > KNOWN_SHARE * area else usual_m
+    if len(near_wall) <= KNOWN_SHARE * area:
+        return usual_m, WALL_SIGMA_M
+    middle_m, spread_m = _middle_and_spread(near_wall)
+    told = 1 / max(spread_m, WALL_SIGMA_M) ** 2
+    flat = 1 / FLAT_M**2
+    return (told * middle_m + flat * usual_m) / (told + flat), float((told + flat) ** -0.5)
 
 
 def _own_recess(

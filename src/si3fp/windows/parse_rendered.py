@@ -20,6 +20,7 @@ from si3fp.windows.depth import (
     IN_FRONT_M,
     depth_recesses,
     in_front,
+    part_of,
     share_within,
     wall_depth,
 )
@@ -86,7 +87,11 @@ def parse_rendered(
     balconies = _joined(deep, of_label(found, "balcony"), fusion)
     sure = balconies.scores >= detector.thresholds["balcony"]
     sure[: len(deep)] = True
-    shows = ortho.valid & ~hides
+    # Only a balcony's front hides for sure: a wall without texture may bulge in a render, and
+    # nothing must be inferred where it shows.
+    shows = ortho.valid.copy()
+    for box in deep.boxes_px:
+        shows[part_of(box)] &= ~hides[part_of(box)]
 
     def recess_of(boxes_px: FloatArray) -> Sequence[RecessEstimate]:
         if not measure.measure_recess:
