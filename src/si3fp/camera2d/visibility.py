@@ -20,6 +20,8 @@ from si3fp.model import Photo, SparsePoints
 from si3fp.ortho import view_distances
 
 LATTICE_M = 0.2
+NEAR_SHARE = 0.95
+"""Points farther than this share of the way from the wall to the camera are at the camera."""
 BoolLattice = NDArray[np.bool_]
 
 
@@ -52,30 +54,29 @@ def seen_from(
     -----
     A place is seen if it lies inside the photo, at most `max_obliqueness_deg` from the wall's
     normal, behind no other wall, and behind no foreground. Foreground is where points in front of
-    the wall outnumber those on the wall that the photo itself saw. If they could be a balcony, they
-    hide a place only if two other photos see it: what all photos show there is part of the facade
-    or cannot be removed.
+    the wall outnumber those on the wall that the photo itself saw. It hides a place only if two
+    other photos see past it: what all photos show there is a balcony, a part of the facade, or a
+    hedge that nothing can remove.
     """
     nodes = lattice_pixels(grid)
     places = grid.world_from_pixels(nodes)
     walls = [wall for wall in occluders if wall.facade_id != plane.facade_id]
     points_in_facade = grid.world_from_facade.inverse().apply(points.points_in_world)
     rows_by_photo = _rows_by_photo(points)
-    seen, maybe_hidden = {}, {}
+    in_sight, before = {}, {}
     for photo in photos:
         sight = _inside_photo(photo, grid, nodes, config.max_obliqueness_deg)
-        if not sight.any():
-            seen[photo.id] = maybe_hidden[photo.id] = sight
-            continue
-        for wall in walls:
-            sight &= ~_behind_wall(photo, grid, places, wall, config.clearance_m)
-        mine = points_in_facade[rows_by_photo.get(photo.id, [])]
-        near, far = _behind_points(photo, grid, points_in_facade, mine, sight.shape, config)
-        seen[photo.id] = sight & ~far
-        maybe_hidden[photo.id] = near
-    clear = sum((seen[name] & ~maybe_hidden[name]).astype(int) for name in seen)
-    removable = np.asarray(clear) >= config.min_photos
-    return {name: seen[name] & ~(maybe_hidden[name] & removable) for name in seen}
+        in_sight[photo.id] = before[photo.id] = sight
+        if sight.any():
+            for wall in walls:
+                sight &= ~_behind_wall(photo, grid, places, wall, config.clearance_m)
+            mine = points_in_facade[rows_by_photo.get(photo.id, [])]
+            before[photo.id] = _behind_points(photo, grid, points_in_facade, mine, config)
+    clear = np.zeros(nodes.shape[:2], np.int_)
+    for name, sight in in_sight.items():
+        clear += sight & ~before[name]
+    removable = clear >= config.min_photos
+    return {name: sight & ~(before[name] & removable) for name, sight in in_sight.items()}
 
 
 def lattice_pixels(grid: FacadeGrid) -> FloatArray:
@@ -135,10 +136,9 @@ def _behind_points(
     grid: FacadeGrid,
     points_in_facade: FloatArray,
     seen_in_facade: FloatArray,
-    shape: tuple[int, ...],
     config: MosaicConfig,
-) -> tuple[BoolLattice, BoolLattice]:
-    """(h, w) bool twice: foreground that may be a balcony, and foreground that may not.
+) -> BoolLattice:
+    """(h, w) bool: foreground.
 
     All points in front of the wall hide what lies behind them; only the points on the wall that
     the photo itself saw show that it can be seen.
@@ -151,14 +151,13 @@ def _behind_points(
         # Where the ray from the camera through the point meets the wall.
         stretch = camera[2] / (camera[2] - points[:, 2])
         feet = camera[:2] + stretch[:, None] * (points[:, :2] - camera[:2])
-        return _density(feet, grid, shape, config.point_reach_m)
+        return _density(feet, grid, config.point_reach_m)
 
-    clearance_m, balcony_m, reach_m = config.clearance_m, config.balcony_m, 0.95 * camera[2]
+    clearance_m = config.clearance_m
     on_wall = density(seen_in_facade, -clearance_m, clearance_m)
+    before = density(points_in_facade, clearance_m, NEAR_SHARE * camera[2])
     needed = np.maximum(config.wall_point_weight * on_wall, config.min_points)
-    near = density(points_in_facade, clearance_m, reach_m) > needed
-    far = density(points_in_facade, balcony_m, reach_m) > needed
-    return _without_specks(near), _without_specks(far)
+    return _without_specks(before > needed)
 
 
 def _without_specks(hidden: BoolLattice) -> BoolLattice:
@@ -168,11 +167,9 @@ def _without_specks(hidden: BoolLattice) -> BoolLattice:
     return np.asarray(cells, np.uint8) > 0
 
 
-def _density(
-    feet_m: FloatArray, grid: FacadeGrid, shape: tuple[int, ...], reach_m: float
-) -> NDArray[np.float64]:
+def _density(feet_m: FloatArray, grid: FacadeGrid, reach_m: float) -> FloatArray:
     """(h, w) number of points (P, 2) around every cell; one point alone counts 1 at its place."""
-    rows, columns = shape
+    rows, columns = lattice_pixels(grid).shape[:2]
     pixels = grid.pixels_from_facade(feet_m)
     column = np.floor(pixels[:, 0] / grid.width_px * columns).astype(int)
     row = np.floor(pixels[:, 1] / grid.height_px * rows).astype(int)
