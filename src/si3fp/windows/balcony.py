@@ -204,11 +204,7 @@ def complete_inferred(
                 y_m=foot_m,
                 height_m=window.y_m + window.height_m - foot_m,
                 label="balcony_door",
-                edge_sigma_m=(
-                    *window.edge_sigma_m[:2],
-                    round(FOOT_SIGMA_M, 4),
-                    window.edge_sigma_m[3],
-                ),
+                edge_sigma_m=(left, right, round(FOOT_SIGMA_M, 4), top),
                 evidence=f"{window.evidence}; the door of a balcony, completed to its floor",
             )
     return tuple(result)
