@@ -37,7 +37,7 @@ WALLS = (
     ((0.0, 0.0, 6.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)),
     ((0.0, 8.0, 6.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)),
 )
-CONFIG = SfmConfig(mapper_threads=1)
+CONFIG = SfmConfig()
 
 
 def texture(seed):

@@ -188,7 +188,8 @@ def _lost(
             lost[name] = f"is in model {elsewhere[0]}, which is not connected with the first"
         elif features < _FEW_FEATURES:
             lost[name] = (
-                f"has only {features} distinct points: blurred, dark, damaged or without texture; retake it"
+                f"has only {features} distinct points: blurred, dark, damaged or without texture; "
+                "retake it"
             )
         elif not matched:
             lost[name] = (
