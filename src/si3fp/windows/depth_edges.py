@@ -19,8 +19,8 @@ from si3fp.windows.recess import RecessEstimate
 
 LEAST_RECESS_M = 0.06
 """Shallower steps drown in the noise of a render's depth."""
-REACH_M = 0.4
-"""How far a side may move."""
+REACH_M = 0.1
+"""How far a side may move; farther out, blinds and mirrored walls look like steps (real photos)."""
 PRIOR_SIGMA_M = 0.04
 """What colours may be off beside what they state: the width of a frame."""
 NOISE_M = 0.04
