@@ -265,6 +265,8 @@ def test_photos_that_cannot_be_used(tmp_path):
         reconstruct(tmp_path, [PhotoFile("turned.jpg")], tmp_path / "work")
     with pytest.raises(InputError, match="No photo"):
         reconstruct(tmp_path, [PhotoFile("none.jpg")], tmp_path / "work")
+    with pytest.raises(InputError, match="'glomap'"):
+        reconstruct(tmp_path, [], tmp_path / "work", SfmConfig(mapper="glomap"))
     for focal_px in (0.0, -5.0, np.nan, np.inf):
         with pytest.raises(InputError, match=r"a\.jpg: a focal length"):
             PhotoFile("a.jpg", focal_px=focal_px)

@@ -60,7 +60,7 @@ class SfmConfig:
     mapper: str = "incremental"  # or "global": faster on hundreds of photos, less robust
     max_side_px: int = 1600  # decision: features are sought at this size; larger is no better
     max_features: int = 8192  # per photo; COLMAP's default
-    threads: int = 2  # decision: each takes about 1 GB while it seeks features
+    threads: int = 4  # decision: at most; each takes about 0.5 GB while it seeks features
     mapper_threads: int = 1  # decision: with more the poses do not repeat bit for bit
     all_pairs_up_to: int = 60  # photos; decision
     followers: int = 10  # decision: photos that follow in order are matched, the ring closed

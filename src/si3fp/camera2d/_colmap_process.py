@@ -16,7 +16,7 @@ import shutil
 import sys
 import threading
 from collections import Counter
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +40,7 @@ def main(job_path: Path) -> None:
     threading.Thread(target=_end_with_parent, daemon=True).start()
     job = json.loads(job_path.read_text(encoding="utf-8"))
     config = SfmConfig(**job["config"])
+    config = replace(config, threads=min(config.threads, os.cpu_count() or 1))
     work, folder = job_path.parent, Path(job["folder"])
     database = work / "database.db"
     _register_photos(database, job)
@@ -107,9 +108,9 @@ def _match(database_path: Path, pairs: list[list[int]], config: SfmConfig, seed:
     with pycolmap.Database.open(database_path) as database:
         names = [image.name for image in sorted(database.read_all_images(), key=_image_id)]
         # COLMAP's list of pairs is split at blanks, which names may have.
-        _rename(database, [str(number) for number in range(len(names))])
+        _rename(database, [f"photo-{number}" for number in range(len(names))])
     listed = database_path.with_name("pairs.txt")
-    listed.write_text("".join(f"{a} {b}\n" for a, b in pairs), encoding="ascii")
+    listed.write_text("".join(f"photo-{a} photo-{b}\n" for a, b in pairs), encoding="ascii")
     pairing = pycolmap.ImportedPairingOptions()
     pairing.match_list_path = listed
     pairing.block_size = 8 * config.threads  # pairs between two entries in the database

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import signal
 import sqlite3
 import subprocess
 import sys
@@ -29,6 +28,7 @@ Progress = Callable[[str, int, int], None]
 _JOB = "job.json"
 _POLL_S = 0.3
 _LOG_LINES = 8
+_KILLED = -9  # by the system, where memory ends
 # Settings of `SfmConfig` on which features and matches rest.
 _OF_DATABASE = (
     *("max_side_px", "max_features", "min_matches"),
@@ -161,7 +161,7 @@ def _run_process(work_dir: Path, photos: int, pairs: int, progress: Progress) ->
         how = f"exit code {process.returncode}"
         if process.returncode < 0:
             how = f"killed by signal {-process.returncode}"
-        if process.returncode == -signal.SIGKILL:
+        if process.returncode == _KILLED:
             how += ", perhaps for want of memory: set SfmConfig.threads to 1"
         raise ReconstructionError(
             f"COLMAP's process ended early ({how}):\n  "

@@ -101,13 +101,15 @@ def reconstruct(
     Raises
     ------
     InputError
-        If no photo can be read, or one is not upright.
+        If no photo can be read, one is not upright, or the mapper is unknown.
     SourceError
         If ``work_dir`` cannot be written.
     ReconstructionError
         If fewer than three photos can be connected, or COLMAP's process fails.
     """
     config = config or SfmConfig()
+    if config.mapper not in ("incremental", "global"):
+        raise InputError(f"The mapper is incremental or global, got {config.mapper!r}.")
     sources, lost = _read_sources(folder, [photo.id for photo in photos])
     usable = [photo for photo in photos if photo.id in sources]
     groups: dict[tuple[Any, ...], int] = {}
