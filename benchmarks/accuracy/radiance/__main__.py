@@ -104,19 +104,19 @@ def main() -> None:
     case = case_in(options.cache, options.variant, options.seed)
     field, took = fitted(case, options.budget_s, options.seed)
     truth = case.truth(M_PER_PX)
-    renderings = {
-        "true depth": on_true_depth(case, truth),
-        "plane": on_the_plane(case, truth),
-        "field": field,
-    }
     print(f"{name}: {100 * (truth.seen_by >= 2).mean():.1f} % seen by two photos; field: {took}")
     print("| renderer | " + " | ".join(title for title, _ in COLUMNS) + " |")
     print("|---" * (len(COLUMNS) + 1) + "|")
-    for kind, rendering in renderings.items():
+
+    def add_row(kind: str, rendering: Rendering) -> None:
         scores = score(rendering, truth, case.openings)
-        print(f"| {kind} | " + " | ".join(show(scores) for _, show in COLUMNS) + " |")
+        print(f"| {kind} | " + " | ".join(show(scores) for _, show in COLUMNS) + " |", flush=True)
         if options.png:
             save_pictures(options.png, f"{name}-{kind.replace(' ', '-')}", rendering)
+
+    add_row("field", field)
+    add_row("plane", on_the_plane(case, truth))
+    add_row("true depth", on_true_depth(case, truth))
     if options.png:
         save_pictures(options.png, f"{name}-truth", Rendering(truth.rgb, truth.depth_m))
 
