@@ -10,7 +10,7 @@ from si3fp.model import Detections, OrthoImage
 from si3fp.windows.depth import depth_recesses
 from si3fp.windows.depth_edges import edges_by_depth
 from si3fp.windows.fuse import FusedDetections
-from si3fp.windows.recess import UNKNOWN_RECESS, RecessEstimate
+from si3fp.windows.recess_estimate import UNKNOWN_RECESS, RecessEstimate
 
 M_PER_PX = 0.02
 WINDOW = (3.0, 4.2, 2.4, 3.8)

@@ -15,7 +15,8 @@ from si3fp.ortho import wall_resolution
 from si3fp.windows.fuse import FusedDetections
 from si3fp.windows.measure import measure_windows, opening_box
 from si3fp.windows.parallax import patch_warp, seen_from, widest_views
-from si3fp.windows.recess import UNKNOWN_RECESS, RecessEstimate, estimate_recess
+from si3fp.windows.recess import estimate_recess
+from si3fp.windows.recess_estimate import UNKNOWN_RECESS, RecessEstimate
 from si3fp.windows.sharpen import sharpen_windows
 
 M_PER_PX = 0.02

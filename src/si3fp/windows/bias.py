@@ -18,7 +18,7 @@ from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import OrthoImage
 from si3fp.windows.measure import MIN_DISTANCE_M, OUTWARD, EdgeLever, edges_from_box, recess_depth
-from si3fp.windows.recess import RecessEstimate
+from si3fp.windows.recess_estimate import RecessEstimate
 
 TRUSTED_PHOTOS = 2
 """What fewer photos saw is masked in a render."""

@@ -13,16 +13,8 @@ from si3fp.config import MeasureConfig
 from si3fp.errors import InputError
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import OrthoImage
-from si3fp.windows.recess import (
-    ALIKE,
-    BORDER_M,
-    GLASS_DEPTHS_M,
-    RING_M,
-    SURROUND_M,
-    UNKNOWN_RECESS,
-    RecessEstimate,
-    drawn_to_kind,
-)
+from si3fp.windows.recess import BORDER_M, GLASS_DEPTHS_M, RING_M, SURROUND_M
+from si3fp.windows.recess_estimate import ALIKE, UNKNOWN_RECESS, RecessEstimate, drawn_to_kind
 
 WALL_WITHIN_M = 0.3
 """The wall lies this near to the facade plane."""

@@ -15,7 +15,7 @@ from si3fp.geometry.rigid import FloatArray
 from si3fp.model import OrthoImage
 from si3fp.windows.depth import known_depth
 from si3fp.windows.fuse import FusedDetections
-from si3fp.windows.recess import RecessEstimate
+from si3fp.windows.recess_estimate import RecessEstimate
 
 LEAST_RECESS_M = 0.06
 """Shallower steps drown in the noise of a render's depth."""

@@ -19,7 +19,7 @@ from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Detections, Window, WindowLabel
 from si3fp.ortho import wall_resolution
 from si3fp.windows.fuse import FusedDetections
-from si3fp.windows.recess import UNKNOWN_RECESS, RecessEstimate
+from si3fp.windows.recess_estimate import UNKNOWN_RECESS, RecessEstimate
 
 BALCONY_DOOR_HEIGHT_M = 1.8
 MIN_DISTANCE_M = 0.5

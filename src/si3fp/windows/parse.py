@@ -22,7 +22,8 @@ from si3fp.windows.measure import (
     opening_box,
     stands_on_ground,
 )
-from si3fp.windows.recess import UNKNOWN_RECESS, RecessEstimate, estimate_recess
+from si3fp.windows.recess import estimate_recess
+from si3fp.windows.recess_estimate import UNKNOWN_RECESS, RecessEstimate
 from si3fp.windows.refine import refine_boxes
 from si3fp.windows.regular import HALF_SEEN, correct_windows, edges_of
 from si3fp.windows.seen import share_seen, wall_seen

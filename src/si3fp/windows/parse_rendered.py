@@ -29,7 +29,7 @@ from si3fp.windows.detect import WindowDetector
 from si3fp.windows.fuse import FusedDetections
 from si3fp.windows.measure import edges_from_box, measure_windows
 from si3fp.windows.parse import ParsedFacade, find_windows, interval_of, of_label
-from si3fp.windows.recess import UNKNOWN_RECESS, RecessEstimate
+from si3fp.windows.recess_estimate import UNKNOWN_RECESS, RecessEstimate
 
 HALF = 0.5
 """Share of a window that a photo must see to count as a view of it."""

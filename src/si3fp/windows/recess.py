@@ -23,6 +23,12 @@ from si3fp.config import MeasureConfig
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import OrthoImage
 from si3fp.windows.parallax import patch_warp, seen_from, widest_views
+from si3fp.windows.recess_estimate import (
+    ALIKE,
+    UNKNOWN_RECESS,
+    RecessEstimate,
+    drawn_to_kind,
+)
 
 FloatImage = NDArray[np.float32]
 
@@ -40,36 +46,6 @@ MIN_OVERLAP = 0.3
 """Share of the window that both views of a pair must see."""
 SIGMA_PER_WIDTH = 0.2
 """Standard deviation of a peak per half width at half its height (docs/decisions/0008)."""
-ALIKE = 0.25
-"""Windows whose log width and log height differ by less are of one kind."""
-
-
-@dataclass(frozen=True, slots=True)
-class RecessEstimate:
-    """Depth of the glass of one window.
-
-    Attributes
-    ----------
-    recess_m
-        Depth behind the wall around the window, or None where it cannot be told.
-    sigma_m
-        Its standard deviation; 0 where it cannot be told.
-    glass_m
-        Depth behind the facade plane at which the views agree on the inside of the window.
-    views
-        Number of views compared.
-    told_by
-        What told it, if not the parallax of the views.
-    """
-
-    recess_m: float | None
-    sigma_m: float
-    glass_m: float
-    views: int
-    told_by: str = ""
-
-
-UNKNOWN_RECESS = RecessEstimate(None, 0.0, 0.0, 0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -294,29 +270,3 @@ def _by_kind(
             )
         )
     return results
-
-
-def drawn_to_kind(
-    kind_m: float, told_m: FloatArray, own_m: float | None, sigma_m: float, floor_m: float
-) -> tuple[float, float]:
-    """Depth of one window and its standard deviation, drawn towards its kind.
-
-    Parameters
-    ----------
-    kind_m, told_m
-        Depth of its kind, and the depths (N,) that windows of this kind tell by themselves.
-    own_m, sigma_m
-        What the window itself tells, or None, and its standard deviation.
-    floor_m
-        Systematic error: neither spread nor result is known better.
-
-    Notes
-    -----
-    A normal prior with the kind's depth and the spread of what its windows tell.
-    """
-    spread_m = 1.4826 * float(np.median(np.abs(told_m - kind_m))) if len(told_m) else 0.0
-    spread_m = max(spread_m, floor_m)
-    share = 0.0 if own_m is None else spread_m**2 / (spread_m**2 + sigma_m**2)
-    value_m = kind_m + share * ((kind_m if own_m is None else own_m) - kind_m)
-    left_m = np.hypot(spread_m * np.sqrt(1 - share), floor_m)
-    return value_m, float(left_m)

@@ -18,7 +18,7 @@ from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Image, OrthoImage
 from si3fp.ortho import wall_resolution
 from si3fp.windows.parallax import patch_warp, seen_from
-from si3fp.windows.recess import RecessEstimate
+from si3fp.windows.recess_estimate import RecessEstimate
 
 REVEAL_PX = 1.5
 """Left out inside an opening's border, where a view mixes it with the wall."""

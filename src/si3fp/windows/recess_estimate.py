@@ -1,0 +1,66 @@
+"""M.1: the depth of a window's glass as it is known, and what windows of one kind tell of each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from si3fp.geometry.rigid import FloatArray
+
+ALIKE = 0.25
+"""Windows whose log width and log height differ by less are of one kind."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecessEstimate:
+    """Depth of the glass of one window.
+
+    Attributes
+    ----------
+    recess_m
+        Depth behind the wall around the window, or None where it cannot be told.
+    sigma_m
+        Its standard deviation; 0 where it cannot be told.
+    glass_m
+        Depth behind the facade plane at which the views agree on the inside of the window.
+    views
+        Number of views compared.
+    told_by
+        What told it, if not the parallax of the views.
+    """
+
+    recess_m: float | None
+    sigma_m: float
+    glass_m: float
+    views: int
+    told_by: str = ""
+
+
+UNKNOWN_RECESS = RecessEstimate(None, 0.0, 0.0, 0)
+
+
+def drawn_to_kind(
+    kind_m: float, told_m: FloatArray, own_m: float | None, sigma_m: float, floor_m: float
+) -> tuple[float, float]:
+    """Depth of one window and its standard deviation, drawn towards its kind.
+
+    Parameters
+    ----------
+    kind_m, told_m
+        Depth of its kind, and the depths (N,) that windows of this kind tell by themselves.
+    own_m, sigma_m
+        What the window itself tells, or None, and its standard deviation.
+    floor_m
+        Systematic error: neither spread nor result is known better.
+
+    Notes
+    -----
+    A normal prior with the kind's depth and the spread of what its windows tell.
+    """
+    spread_m = 1.4826 * float(np.median(np.abs(told_m - kind_m))) if len(told_m) else 0.0
+    spread_m = max(spread_m, floor_m)
+    share = 0.0 if own_m is None else spread_m**2 / (spread_m**2 + sigma_m**2)
+    value_m = kind_m + share * ((kind_m if own_m is None else own_m) - kind_m)
+    left_m = np.hypot(spread_m * np.sqrt(1 - share), floor_m)
+    return value_m, float(left_m)
