@@ -62,16 +62,19 @@ def seen_from(
     places = grid.world_from_pixels(nodes)
     walls = [wall for wall in occluders if wall.facade_id != plane.facade_id]
     points_in_facade = grid.world_from_facade.inverse().apply(points.points_in_world)
-    rows_by_photo = _rows_by_photo(points)
+    in_front = points_in_facade[points_in_facade[:, 2] > config.clearance_m]
+    on_wall = np.abs(points_in_facade[:, 2]) <= config.clearance_m
+    rows_by_photo = _rows_by_photo(points, on_wall)
     in_sight, before = {}, {}
     for photo in photos:
         sight = _inside_photo(photo, grid, nodes, config.max_obliqueness_deg)
-        in_sight[photo.id] = before[photo.id] = sight
+        foreground = np.zeros_like(sight)
         if sight.any():
             for wall in walls:
                 sight &= ~_behind_wall(photo, grid, places, wall, config.clearance_m)
             mine = points_in_facade[rows_by_photo.get(photo.id, [])]
-            before[photo.id] = _behind_points(photo, grid, points_in_facade, mine, config)
+            foreground = _behind_points(photo, grid, in_front, mine, config)
+        in_sight[photo.id], before[photo.id] = sight, foreground
     clear = np.zeros(nodes.shape[:2], np.int_)
     for name, sight in in_sight.items():
         clear += sight & ~before[name]
@@ -134,30 +137,26 @@ def _behind_wall(
 def _behind_points(
     photo: Photo,
     grid: FacadeGrid,
-    points_in_facade: FloatArray,
-    seen_in_facade: FloatArray,
+    in_front: FloatArray,
+    on_wall: FloatArray,
     config: MosaicConfig,
 ) -> BoolLattice:
     """(h, w) bool: foreground.
 
-    All points in front of the wall hide what lies behind them; only the points on the wall that
-    the photo itself saw show that it can be seen.
+    All points in front of the wall (P, 3), in the facade's frame, hide what lies behind them; only
+    the points on the wall that the photo itself saw show that it can be seen.
     """
     camera = grid.world_from_facade.inverse().apply(photo.centre_in_world)
 
-    def density(points: FloatArray, low_m: float, high_m: float) -> FloatArray:
-        depth = points[:, 2]
-        points = points[(depth > low_m) & (depth <= high_m)]
+    def density(points: FloatArray) -> FloatArray:
+        points = points[points[:, 2] < NEAR_SHARE * camera[2]]
         # Where the ray from the camera through the point meets the wall.
         stretch = camera[2] / (camera[2] - points[:, 2])
         feet = camera[:2] + stretch[:, None] * (points[:, :2] - camera[:2])
         return _density(feet, grid, config.point_reach_m)
 
-    clearance_m = config.clearance_m
-    on_wall = density(seen_in_facade, -clearance_m, clearance_m)
-    before = density(points_in_facade, clearance_m, NEAR_SHARE * camera[2])
-    needed = np.maximum(config.wall_point_weight * on_wall, config.min_points)
-    return _without_specks(before > needed)
+    needed = np.maximum(config.wall_point_weight * density(on_wall), config.min_points)
+    return _without_specks(density(in_front) > needed)
 
 
 def _without_specks(hidden: BoolLattice) -> BoolLattice:
@@ -177,15 +176,17 @@ def _density(feet_m: FloatArray, grid: FacadeGrid, reach_m: float) -> FloatArray
     sigma = reach_m / LATTICE_M
     rim = int(np.ceil(3 * sigma))
     inside = (column >= -rim) & (column < columns + rim) & (row >= -rim) & (row < rows + rim)
-    counts = np.zeros((rows + 2 * rim, columns + 2 * rim))
-    np.add.at(counts, (row[inside] + rim, column[inside] + rim), 1.0)
-    smooth = cv2.GaussianBlur(counts, (2 * rim + 1, 2 * rim + 1), sigma)
+    wide = columns + 2 * rim
+    cell = (row[inside] + rim) * wide + column[inside] + rim
+    counts = np.bincount(cell, minlength=(rows + 2 * rim) * wide).reshape(-1, wide)
+    smooth = cv2.GaussianBlur(counts.astype(np.float64), (2 * rim + 1, 2 * rim + 1), sigma)
     return np.asarray(smooth[rim : rim + rows, rim : rim + columns] * (2 * np.pi * sigma**2))
 
 
-def _rows_by_photo(points: SparsePoints) -> Mapping[str, list[int]]:
+def _rows_by_photo(points: SparsePoints, which: NDArray[np.bool_]) -> Mapping[str, list[int]]:
+    """Indices of some of the points by the photos that saw them."""
     rows: dict[str, list[int]] = {}
-    for row, names in enumerate(points.photo_ids):
-        for name in names:
+    for row in np.flatnonzero(which).tolist():
+        for name in points.photo_ids[row]:
             rows.setdefault(name, []).append(row)
     return rows
