@@ -153,14 +153,14 @@ class RadianceConfig:
     photos_mib: int = 512  # memory for pixels; more are averaged down
     entries_per_px: float = 0.6  # decision: rows per level of the hash table and ortho pixel
     max_log2_entries: int = 21  # 2 M rows x 6 levels x 64 bytes = 0.8 GiB
-    front_levels: int = 3  # decision: trees and cars use the three coarse levels
+    front_levels: int = 4  # decision: trees and cars use the coarse levels
     front_cell_m: float = 0.16  # decision: occupancy of the front
     front_step_m: float = 0.12  # decision: distance between samples in the front
     cell_px: float = 2.0  # decision: occupancy of the slab, in ortho pixels
     near_share: float = 0.25  # decision: a ray is empty for this share of its way to the wall
     relief_m: float = 0.3  # decision: mouldings; what stands farther out is near a point
     seed_radius_m: float = 0.5  # decision: how near
-    front_density_per_m: float = 0.02  # decision: where a field starts from
+    front_density_per_m: float = 0.2  # decision: where a field starts from
     slab_density_per_m: float = 0.05  # decision
     plane_rise: float = 2.0  # decision: log density that the plane starts above the slab
     plane_rise_m: float = 0.05  # decision: half width of that rise
@@ -177,11 +177,11 @@ class RadianceConfig:
     huber: float = 0.1  # decision: colour errors above this count linearly (0..1)
     spread_weight: float = 0.01  # decision: cost of density in two places, per metre; late
     stand_off_weight: float = 0.005  # decision: cost of density off the plane, per metre; late
-    prune_from: float = 0.04  # share of the budget after which empty cells are skipped
+    prune_from: float = 0.06  # share of the budget after which empty cells are skipped
     prune_growth: float = 1.3  # and again each time the training is this much longer
     keep: float = 0.4  # decision: of the densest value seen in a cell, each time
     forget: float = 0.97  # decision: of that, per sample that falls into the cell
-    threshold_per_m: float = 1.0  # decision: a cell below this density is empty
+    min_opacity: float = 0.015  # decision: a cell is empty where a sample absorbs less than this
     held_out_pixels: int = 20_000
     before_surface_m: float = 0.06  # decision: a surface does not hide itself
     threads: int = 2

@@ -81,7 +81,9 @@ class FieldLayout:
         dims = np.floor((high - low) / cell[:, None]).astype(np.int64) + 2
         pixels = width_m * height_m / config.m_per_px**2
         wanted = np.log2(max(pixels * config.entries_per_px, 2.0))
-        hashed = 2 ** int(np.clip(np.ceil(wanted), 12, config.max_log2_entries))
+        finest = int(np.clip(np.ceil(wanted), 12, config.max_log2_entries))
+        # A surface has a quarter of the vertices at each coarser level.
+        hashed = 2 ** np.maximum(np.arange(finest - LEVELS + 1, finest + 1), finest - 2)
         dense = dims.prod(axis=1)
         rows = np.minimum(dense, hashed)
 

@@ -104,9 +104,8 @@ class Trainer:
             )
             for region in (FRONT, SLAB)
         )
-        start = np.float32(4.0 * config.threshold_per_m)
         depth = config.relief_m - layout.region_low_m[SLAB][2]
-        slab[:, :, : int(np.ceil(depth / layout.region_cell_m[SLAB]))] = start
+        slab[:, :, : int(np.ceil(depth / layout.region_cell_m[SLAB]))] = 4.0 * self._threshold(SLAB)
         standing = points_m[points_m[:, 2] > config.relief_m]
         for cells, region in ((front, FRONT), (slab, SLAB)):
             cell = layout.region_cell_m[region]
@@ -114,7 +113,9 @@ class Trainer:
                 place = (point - layout.region_low_m[region]) / cell
                 low = np.maximum(np.floor(place - config.seed_radius_m / cell), 0).astype(int)
                 high = np.maximum(np.ceil(place + config.seed_radius_m / cell), 0).astype(int)
-                cells[low[0] : high[0], low[1] : high[1], low[2] : high[2]] = start
+                cells[low[0] : high[0], low[1] : high[1], low[2] : high[2]] = 4.0 * self._threshold(
+                    region
+                )
         self.field.occupied[:] = self.value > 0
 
     def step(self, pool: ThreadPoolExecutor, fraction: float) -> None:
@@ -219,10 +220,19 @@ class Trainer:
                 cell_densities(self.field, region, cells[rows], inside[rows], keep, self.value)
 
             run_all(pool, look, range(PARTS))
-            threshold = np.float32(config.threshold_per_m)
             refresh(
-                self.value, int(first), layout.region_dims[region], threshold, self.field.occupied
+                self.value,
+                int(first),
+                layout.region_dims[region],
+                np.float32(self._threshold(region)),
+                self.field.occupied,
             )
+
+    def _threshold(self, region: int) -> float:
+        """Density per metre below which a sample absorbs too little to be worth its time."""
+        config = self.config
+        step_m = (config.front_step_m, config.step_px * config.m_per_px)[region]
+        return config.min_opacity / step_m
 
 
 def held_out_psnr_db(trainer: Trainer, pool: ThreadPoolExecutor) -> float:
