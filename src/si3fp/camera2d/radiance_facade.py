@@ -18,6 +18,8 @@ from si3fp.errors import FacadeError
 from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.model import LoadImage, OrthoImage, Photo, SparsePoints
 
+COVERAGE_PX = 2
+"""Cell of the coverage in pixels: the strip that a sill hides is 0.1 m high on a first floor."""
 _NO_POINTS = SparsePoints(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0), ())
 
 
@@ -91,7 +93,9 @@ def render_radiance(
     seen = field.render_ortho(grid, radiance.slab_front_m, radiance.slab_behind_m)
     lattices = {
         name: _without_specks(lattice) & _resized(sights[name], lattice.shape)
-        for name, lattice in field.coverage(chosen, grid, seen.depth_m).items()
+        for name, lattice in field.coverage(
+            chosen, grid, seen.depth_m, COVERAGE_PX * grid.m_per_px
+        ).items()
     }
     ortho = OrthoImage(
         "radiance",

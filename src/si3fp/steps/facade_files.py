@@ -86,9 +86,10 @@ def write_facade(
         "box": plain(photo.box),
         "notes": [
             *about["notes"],
+            *parsed.notes,
             *photo.box.notes,
             *_coverage_notes(photo),
-            _recess_note(parsed, config.measure),
+            _recess_note(parsed, photo.fused.depth_m is not None, config.measure),
         ],
     }
     workspace.write_json(workspace.facade(name, "facade.json"), "facade", record)
@@ -127,7 +128,7 @@ def _coverage_notes(photo: FacadeOrthophoto) -> list[str]:
     return [f"only {seen:.0%} of the facade was seen: windows elsewhere are not in the ratio"]
 
 
-def _recess_note(parsed: ParsedFacade, config: MeasureConfig) -> str:
+def _recess_note(parsed: ParsedFacade, has_depth: bool, config: MeasureConfig) -> str:
     """How deep the glass lies and how that is known."""
     measured = [window.recess_m for window in parsed.windows if window.recess_m is not None]
     switched_off = "" if config.correct_recess else "; edges not corrected (switched off)"
@@ -136,6 +137,8 @@ def _recess_note(parsed: ParsedFacade, config: MeasureConfig) -> str:
         return f"glass {assumed}{switched_off}"
     rest = len(parsed.windows) - len(measured)
     return (
-        f"glass {float(np.median(measured)):.2f} m behind the wall, measured by parallax at "
-        f"{len(measured)} windows" + (f"; {assumed} at {rest}" if rest else "") + switched_off
+        f"glass {float(np.median(measured)):.2f} m behind the wall, measured by "
+        f"{'depth' if has_depth else 'parallax'} at {len(measured)} windows"
+        + (f"; {assumed} at {rest}" if rest else "")
+        + switched_off
     )

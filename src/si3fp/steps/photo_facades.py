@@ -78,7 +78,7 @@ def find_photo_facade(
                     )
             step = "windows"
             with timed("M.1 windows"):
-                photo, parsed = _parsed(photo, rendered, detector, config)
+                photo, parsed = _parsed(photo, rendered, scene, detector, config)
         except (FacadeError, InputError) as error:
             return Missing(name, step, str(error))
         with timed("write"):
@@ -155,6 +155,7 @@ def _cropped(mosaic: MosaicRendering, box: FacadeBox, wide: FacadeGrid) -> Facad
 def _parsed(
     photo: FacadeOrthophoto,
     rendered: RenderedFacade | None,
+    scene: PhotoScene,
     detector: WindowDetector,
     config: PhotoConfig,
 ) -> tuple[FacadeOrthophoto, ParsedFacade]:
@@ -169,10 +170,15 @@ def _parsed(
             config.fusion,
             config.measure,
         )
-    picture = FacadeOrthophoto(photo.views, rendered.ortho, photo.box, photo.cameras_in_facade)
+    facade_from_world = grid.world_from_facade.inverse()
+    cameras = {
+        name: facade_from_world.apply(scene.photos[name].centre_in_world)
+        for name in rendered.seen_from
+    }
+    picture = FacadeOrthophoto(photo.views, rendered.ortho, photo.box, cameras)
     parsed = parse_rendered(
         rendered.ortho,
-        photo.cameras_in_facade,
+        cameras,
         rendered.seen_from,
         detector,
         config.fusion,
