@@ -166,7 +166,7 @@ def test_orthophoto_and_depth_of_a_small_wall():
     report = fitted().report
     assert report.stopped == "samples"
     assert report.held_out_id not in report.photos
-    assert report.held_out_psnr_db > 22
+    assert report.held_out_psnr_db > 20
 
 
 def test_near_and_far_bounds_cut():
@@ -306,3 +306,22 @@ def test_rays_pass_through_pixel_centres():
         at = packed.photos.first[index] + row * width + column
         np.testing.assert_allclose(pixel % 1.0, 0.5, atol=1e-3)
         np.testing.assert_array_equal(shown, packed.photos.pixels[at])
+
+
+def test_training_ends_early_when_the_held_out_photo_gets_no_better():
+    photos, pictures = scene()
+    grey = {name: np.full_like(picture, 128) for name, picture in pictures.items()}
+    report = RadianceField.fit(
+        photos,
+        grey.__getitem__,
+        world_from_facade(),
+        WIDTH_M,
+        HEIGHT_M,
+        np.zeros((0, 3)),
+        replace(CONFIG, samples_per_px=200.0, converged_db=50.0),
+        np.random.default_rng(0),
+    ).report
+    assert report.stopped == "converged"
+    # A third of the budget went by until the third check; the falling rates take as much again.
+    budget = 200.0 * GRID.width_px * GRID.height_px
+    assert 0.5 * budget < report.samples < 0.9 * budget

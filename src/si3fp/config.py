@@ -183,6 +183,7 @@ class RadianceConfig:
     forget: float = 0.97  # decision: of that, per sample that falls into the cell
     min_opacity: float = 0.015  # decision: a cell is empty where a sample absorbs less than this
     held_out_pixels: int = 20_000
+    converged_db: float = 0.05  # decision: less gain over a fifth of the budget is none
     before_surface_m: float = 0.06  # decision: a surface does not hide itself
     threads: int = 2
 

@@ -6,8 +6,7 @@ Mildenhall et al. 2020 (arXiv:2003.08934) on the hash encoding of Müller et al.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -16,17 +15,15 @@ from numpy.typing import NDArray
 
 from si3fp.camera2d.radiance.arrays import Field
 from si3fp.camera2d.radiance.layout import FieldLayout, new_field
-from si3fp.camera2d.radiance.rays import TrainingPhotos, pack_photos
-from si3fp.camera2d.radiance.training import Trainer, held_out_psnr_db, run_all
+from si3fp.camera2d.radiance.rays import pack_photos
+from si3fp.camera2d.radiance.stopping import FitReport, Progress, train
+from si3fp.camera2d.radiance.training import Trainer, run_all
 from si3fp.camera2d.radiance.views import render_points, see_points
 from si3fp.config import RadianceConfig
-from si3fp.errors import FacadeError, InputError
+from si3fp.errors import InputError
 from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.rigid import FloatArray, Rigid3
 from si3fp.model import Image, LoadImage, Photo
-
-Progress = Callable[[str, int, int], None]
-"""Called with a name, samples done and samples in all."""
 
 OPAQUE_FROM = 0.5
 """A pixel has a depth where at least this share of the light is absorbed."""
@@ -50,32 +47,6 @@ class OrthoRendering:
     rgb: Image
     depth_m: NDArray[np.float32]
     opacity: NDArray[np.float32]
-
-
-@dataclass(frozen=True, slots=True)
-class FitReport:
-    """How a fit went.
-
-    Attributes
-    ----------
-    samples, steps, seconds
-        What it took.
-    stopped
-        ``samples`` (budget), ``time`` (budget), ``converged`` or ``interrupted``.
-    photos
-        Photos trained on.
-    held_out_id, held_out_psnr_db
-        The photo that was left out and how well it was predicted, after fitting its exposure;
-        None where there were too few photos to leave one out.
-    """
-
-    samples: int
-    steps: int
-    seconds: float
-    stopped: str
-    photos: tuple[str, ...]
-    held_out_id: str | None
-    held_out_psnr_db: float | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -177,7 +148,7 @@ class RadianceField:
             rng,
         )
         budget = int(config.samples_per_px * width_m * height_m / config.m_per_px**2)
-        report = _train(trainer, packed, budget, progress)
+        report = train(trainer, budget, progress)
         return cls(world_from_facade, layout, field, config, report)
 
     def render_ortho(self, grid: FacadeGrid, near_m: float, far_m: float) -> OrthoRendering:
@@ -260,43 +231,3 @@ class RadianceField:
     def _facade_points(self, grid: FacadeGrid, pixels: FloatArray) -> FloatArray:
         """Points (N, 3) of a grid's plane in frame ``facade`` of the field."""
         return self.world_from_facade.inverse().apply(grid.world_from_pixels(pixels))
-
-
-def _train(
-    trainer: Trainer, photos: TrainingPhotos, budget: int, progress: Progress | None
-) -> FitReport:
-    """Train until a budget is spent, the held-out photo gets no better, or Ctrl-C."""
-    config = trainer.config
-    stopped = "samples"
-    with ThreadPoolExecutor(config.threads) as pool:
-        trainer.step(pool, 0.0)  # compiles the kernels where they are not cached, off the clock
-        start = time.monotonic()
-        try:
-            while trainer.samples_done < budget:
-                elapsed = time.monotonic() - start
-                if elapsed >= config.budget_s:
-                    stopped = "time"
-                    break
-                trainer.step(pool, max(trainer.samples_done / budget, elapsed / config.budget_s))
-                if not np.isfinite(trainer.error):
-                    raise FacadeError(
-                        f"The radiance field broke down after {trainer.steps_done} steps: its "
-                        "colour error is not a number. Check the poses and the scale."
-                    )
-                if progress is not None and trainer.steps_done % 16 == 0:
-                    progress("radiance field", min(trainer.samples_done, budget), budget)
-        except KeyboardInterrupt:
-            stopped = "interrupted"
-        psnr = held_out_psnr_db(trainer, pool) if photos.held_out else None
-    if progress is not None:
-        progress("radiance field", budget, budget)
-    ids = photos.ids
-    return FitReport(
-        trainer.samples_done,
-        trainer.steps_done,
-        time.monotonic() - start,
-        stopped,
-        ids[:-1] if photos.held_out else ids,
-        ids[-1] if photos.held_out else None,
-        psnr,
-    )

@@ -23,7 +23,7 @@ from si3fp.camera2d.radiance.gradients import train_rays
 from si3fp.camera2d.radiance.layout import FRONT, SLAB, FieldLayout
 from si3fp.camera2d.radiance.rays import TrainingPhotos
 from si3fp.camera2d.radiance.tables import adam, refresh, scatter, visit
-from si3fp.camera2d.radiance.views import cell_densities, render_pixels
+from si3fp.camera2d.radiance.views import cell_densities
 from si3fp.config import RadianceConfig
 from si3fp.geometry.rigid import FloatArray
 
@@ -233,34 +233,6 @@ class Trainer:
         config = self.config
         step_m = (config.front_step_m, config.step_px * config.m_per_px)[region]
         return config.min_opacity / step_m
-
-
-def held_out_psnr_db(trainer: Trainer, pool: ThreadPoolExecutor) -> float:
-    """Peak signal-to-noise ratio at random pixels of the held-out photo.
-
-    Its exposure is fitted first: one gain per channel by least squares.
-    """
-    photos, config = trainer.photos, trainer.config
-    draws = photos.draw_held_out(np.random.default_rng(0), config.held_out_pixels)
-    steps = np.array([config.front_step_m, config.step_px * config.m_per_px], np.float32)
-    rendered = np.empty((len(draws), 3), np.float32)
-    size = -(-len(draws) // PARTS)
-
-    def rays(part: int) -> None:
-        rows = slice(part * size, (part + 1) * size)
-        render_pixels(
-            trainer.field, photos.photos, draws[rows], trainer.bounds, steps, rendered[rows]
-        )
-
-    run_all(pool, rays, range(PARTS))
-    packed = photos.photos
-    at = packed.first[draws[:, 0]] + draws[:, 2] * packed.width[draws[:, 0]] + draws[:, 1]
-    hit = np.isfinite(rendered).all(axis=1)
-    truth, image = packed.pixels[at[hit]] / 255.0, rendered[hit].astype(np.float64)
-    if not len(image):
-        return float("nan")
-    gain = (truth * image).sum(axis=0) / np.maximum((image**2).sum(axis=0), 1e-9)
-    return float(-10.0 * np.log10(max(np.mean((gain * image - truth) ** 2), 1e-12)))
 
 
 def run_all(pool: ThreadPoolExecutor, task: Callable[[int], None], numbers: Iterable[int]) -> None:
