@@ -12,14 +12,16 @@ from si3fp.config import FusionConfig, MeasureConfig
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Detections, FacadeGrid, FacadeViews, OrthoImage, Window
 from si3fp.windows.detect import WindowDetector
-from si3fp.windows.fuse import FusedDetections, combine, fuse_views
+from si3fp.windows.fuse import FusedDetections, combine, fuse_views, views_that_saw
 from si3fp.windows.interval import WwrErrors, wwr_interval
 from si3fp.windows.join import join_openings
 from si3fp.windows.lattice import complete_windows
 from si3fp.windows.measure import (
+    EdgeLever,
     edges_from_box,
     measure_windows,
     opening_box,
+    recess_lever,
     stands_on_ground,
 )
 from si3fp.windows.recess import estimate_recess
@@ -80,7 +82,7 @@ def parse_facade(
     detector, fusion, measure
         Network and constants.
     """
-    grid = views.grid
+    grid, zero = views.grid, np.zeros(4)
     best = sorted(views.views, key=lambda view: -view.valid.mean())[: fusion.max_views]
     per_view = {view.source: detector.detect(view, grid.m_per_px) for view in best}
     on_fused = detector.detect(fused, grid.m_per_px)
@@ -101,13 +103,22 @@ def parse_facade(
     def measured(
         found: FusedDetections, recesses: Sequence[RecessEstimate] | None
     ) -> tuple[Window, ...]:
-        return measure_windows(found, balconies, grid, cameras_in_facade, measure, recesses)
+        levers = [
+            EdgeLever(recess_lever(edges_from_box(box, grid), list(cameras_of(box).values())), zero)
+            for box in found.detections.boxes_px
+        ]
+        return measure_windows(found, balconies, grid, cameras_in_facade, measure, recesses, levers)
+
+    def cameras_of(box_px: FloatArray) -> Mapping[str, FloatArray]:
+        """The cameras whose views show a window: the blend is made of no others there."""
+        names = views_that_saw(box_px, views.views)
+        return {name: cameras_in_facade[name] for name in names} or cameras_in_facade
 
     seen = wall_seen(fused, views.views)
     threshold = detector.thresholds["window"]
     found = find_windows(proposed, fused, seen, grid, threshold, measure, recess_of, measured)
     openings = [
-        opening_box(box, grid, cameras_in_facade, recess, measure)
+        opening_box(box, grid, cameras_of(box), recess, measure)
         for box, recess in zip(found.boxes_px, found.recesses, strict=True)
     ]
     picture = sharpen_windows(fused, views.views, openings, found.recesses, cameras_in_facade, grid)
