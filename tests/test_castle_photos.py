@@ -133,11 +133,12 @@ def test_three_facades_are_found_and_the_others_are_not_seen(run):
 
 
 def test_windows_against_the_annotation(run, alignment):
-    # The paper's Camera2D: F1 0.76, mean IoU 0.78, position error 0.095 m.
+    # The paper's Camera2D: F1 0.76, mean IoU 0.78, position error 0.095 m. Sills hide the lower
+    # edges of the frames, which the annotation holds: 0.1 m, so half of that in the position.
     result = scores(run, alignment).windows_total
     assert result.f1 >= 0.95
     assert result.mean_iou >= 0.80
-    assert result.mean_abs_position_error_m <= 0.06
+    assert result.mean_abs_position_error_m <= 0.10
 
 
 def test_window_to_wall_ratio(run, alignment):
@@ -146,14 +147,10 @@ def test_window_to_wall_ratio(run, alignment):
 
 def test_the_radiance_field_finds_windows_and_how_deep_they_lie(radiance, alignment):
     result = scores(radiance, alignment, {RENDERED}).windows_total
-    assert result.f1 >= 0.90
+    assert result.f1 >= 0.95
     assert result.mean_iou >= 0.80
-    assert result.mean_abs_position_error_m <= 0.06
-    (truth,) = (
-        facade
-        for name, facade in annotation("castle_truth.json")["facades"].items()
-        if name == RENDERED
-    )
+    assert result.mean_abs_position_error_m <= 0.07
+    truth = annotation("castle_truth.json")["facades"][RENDERED]
     recesses_m = [
         window["recess_m"]
         for window in json.loads(radiance.workspace.facade(RENDERED, "windows.json").read_text())[
@@ -162,6 +159,6 @@ def test_the_radiance_field_finds_windows_and_how_deep_they_lie(radiance, alignm
         if window["recess_m"] is not None
     ]
     true_m = np.median([window["recess_m"] for window in truth["windows"]])
-    assert np.median(recesses_m) == pytest.approx(true_m, abs=0.08)
+    assert np.median(recesses_m) == pytest.approx(true_m, abs=0.03)
     record = json.loads(radiance.workspace.facade(RENDERED, "facade.json").read_text())
-    assert record["held_out_psnr_db"] >= 18
+    assert record["held_out_psnr_db"] >= 22
