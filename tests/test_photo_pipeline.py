@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import cv2
@@ -27,6 +28,7 @@ from si3fp.steps.photo_scene import Poses
 FINE = PhotoConfig(renderer="mosaic")
 COARSE = replace(FINE, ortho=OrthoConfig(m_per_px=0.05))
 FRONT, GABLE = "house-a-0", "house-a-1"
+FRONT_PHOTOS = [f"p{n}.jpg" for n in range(6)]
 
 
 @pytest.fixture(scope="module")
@@ -324,3 +326,36 @@ def test_the_radiance_field_writes_depth_and_coverage(on_map, tmp_path):
     assert depth_m.shape == seen_by.shape == (height_px, width_px)
     assert np.isnan(depth_m[seen_by < 2]).all()
     assert abs(np.nanmedian(depth_m)) < 0.15  # mostly wall, in cells of 10 cm
+
+
+def test_photos_and_a_triangle_are_enough(house, folder, tmp_path):
+    photos = tmp_path / "photos"
+    photos.mkdir()
+    for name in FRONT_PHOTOS:
+        shutil.copy(folder / "photos" / name, photos)
+    centres = {photo.id: photo.centre_in_world for photo in house.photos}
+    corners = FRONT_PHOTOS[0], FRONT_PHOTOS[2], FRONT_PHOTOS[5]
+    sides = [
+        [one, other, float(np.linalg.norm(centres[one] - centres[other]))]
+        for one, other in combinations(corners, 2)
+    ]
+    triangle = tmp_path / "triangle.json"
+    triangle.write_text(json.dumps({"sides_m": sides}))
+    run = go(steps.PhotoFiles(folder=photos, triangle=triangle), tmp_path / "RUN", COARSE)
+    (facade,) = run.loose_facades
+    (truth,) = (each for each in house.truth if each.id == FRONT)
+    assert facade.width_m == pytest.approx(truth.width_m, abs=0.2)
+    assert len(facade.windows) == len(truth.windows)
+    assert facade.wwr == pytest.approx(truth.wwr, abs=0.02)
+
+
+@pytest.mark.slow  # points are sought by COLMAP
+def test_known_cameras_need_no_points(on_map, folder, tmp_path, first):
+    cameras = tmp_path / "cameras"
+    shutil.copytree(folder / "cameras", cameras)
+    (cameras / "points3D.txt").unlink()
+    run = go(replace(on_map, cameras=cameras), tmp_path / "RUN", COARSE)
+    found = {facade.id: facade for facade in run.buildings[0].facades}
+    assert found.keys() == {FRONT, GABLE}
+    for facade in first.buildings[0].facades:
+        assert len(found[facade.id].windows) == len(facade.windows)
