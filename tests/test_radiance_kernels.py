@@ -44,9 +44,10 @@ def small_case(log_scale=2.0):
     field.occupied[:] = rng.random(len(field.occupied)) < 0.7
     focal, size = 30.0, (24, 20)
     direction = np.array([[1 / focal, 0, -0.4], [0, -1 / focal, 0.35], [0, 0, -1.0]])
+    turned = np.array([[0, 0, -0.2], [0, 0, 0.05], [0, 0, 0]])
     photos = Photos(
         centres.astype(np.float32),
-        np.stack([direction, [*direction, [0, 0, -0.2], [0, 0, 0.05], [0, 0, 0]]]).astype("f4"),
+        np.stack([direction, direction + turned]).astype("f4"),
         rng.uniform(0.8, 1.2, (2, 3)).astype(np.float32),
         rng.integers(0, 256, (2 * size[0] * size[1], 3), dtype=np.uint8),
         np.array([0, size[0] * size[1]]),

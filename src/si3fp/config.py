@@ -164,7 +164,7 @@ class RadianceConfig:
     slab_density_per_m: float = 0.05  # decision
     plane_rise: float = 2.0  # decision: log density that the plane starts above the slab
     plane_rise_m: float = 0.05  # decision: half width of that rise
-    batch_samples: int = 65536
+    batch_samples: int = 65536  # at most; small walls take smaller batches
     samples_per_px: float = 150.0  # decision: budget per ortho pixel
     budget_s: float = 600.0  # upper limit; where it binds, a run depends on the machine
     learning_rate: float = 3e-2  # of features and photo gains
@@ -176,7 +176,7 @@ class RadianceConfig:
     shorten_until: float = 0.2
     huber: float = 0.1  # decision: colour errors above this count linearly (0..1)
     spread_weight: float = 0.01  # decision: cost of density in two places, per metre; late
-    stand_off_weight: float = 0.005  # decision: cost of density off the plane, per metre; late
+    stand_off_weight: float = 0.005  # decision: cost of standing in front of the plane, likewise
     prune_from: float = 0.06  # share of the budget after which empty cells are skipped
     prune_growth: float = 1.3  # and again each time the training is this much longer
     keep: float = 0.4  # decision: of the densest value seen in a cell, each time

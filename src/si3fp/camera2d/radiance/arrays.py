@@ -32,7 +32,6 @@ U64 = np.uint64
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 MAX_RAW = np.float32(8.0)
 OPAQUE = np.float32(1e-3)
-STAND_OFF_M = np.float32(0.3)
 
 # The kernels write out the lanes of a block and the features of a row; LLVM turns them into vector
 # instructions only with this, which makes them 3 to 6 times as fast.

@@ -137,6 +137,7 @@ class RadianceField:
             ],
             np.float32,
         )
+        budget = int(config.samples_per_px * width_m * height_m / config.m_per_px**2)
         trainer = Trainer(
             field,
             network,
@@ -144,11 +145,11 @@ class RadianceField:
             packed,
             world_from_facade.inverse().apply(points),
             bounds,
+            budget,
             config,
             rng,
         )
-        budget = int(config.samples_per_px * width_m * height_m / config.m_per_px**2)
-        report = train(trainer, budget, progress)
+        report = train(trainer, progress)
         return cls(world_from_facade, layout, field, config, report)
 
     def render_ortho(self, grid: FacadeGrid, near_m: float, far_m: float) -> OrthoRendering:

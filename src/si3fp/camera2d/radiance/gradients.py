@@ -16,7 +16,6 @@ from si3fp.camera2d.radiance.arrays import (
     LEVELS,
     MAX_BLOCKS,
     ONE,
-    STAND_OFF_M,
     U64,
     ZERO,
     Field,
@@ -36,8 +35,7 @@ def shape_gradient(w: Work, blocks: int, spread: np.float32, stand_off: np.float
 
     Spread along the ray, ``spread * (sum_ij w_i w_j |t_i - t_j| + sum_i w_i^2 dt_i / 3)`` (Barron
     et al. 2022, doi:10.1109/CVPR52688.2022.00539, in metres), and distance in front of the plane,
-    ``stand_off * sum_i w_i min(max(z_i, 0), STAND_OFF_M)``: what has no texture lies in the
-    plane, but a balcony is as good where it stands.
+    ``stand_off * sum_i w_i max(z_i, 0)``: what looks the same farther back is farther back.
     """
     total, moment = ZERO, ZERO
     for b in range(blocks):
@@ -55,7 +53,7 @@ def shape_gradient(w: Work, blocks: int, spread: np.float32, stand_off: np.float
                 after, after_moment = total - before - p, moment - before_moment - p * t
                 away = t * (before - after) - before_moment + after_moment
                 v[b, s] = spread * (two * away + third * p * w.step[b, s])
-                v[b, s] += stand_off * min(max(w.position[b, 2, s], ZERO), STAND_OFF_M)
+                v[b, s] += stand_off * max(w.position[b, 2, s], ZERO)
                 before += p
                 before_moment += p * t
 

@@ -27,6 +27,9 @@ FRONT, SLAB = 0, 1
 MAX_CELLS = 20_000_000
 """Largest occupancy grid of one region; its cells grow beyond that."""
 
+MIN_LOG2_ENTRIES = 16
+"""Rows of a hashed level, as a power of two, which the front of a small wall needs as well."""
+
 NETWORK_SHAPES = (
     (INPUTS, HIDDEN),
     (HIDDEN,),
@@ -77,13 +80,15 @@ class FieldLayout:
         low = np.minimum(slab_low, np.append(centres_m[:, :2].min(axis=0) - 0.1, np.inf))
         high = np.maximum(slab_high, centres_m.max(axis=0) + 0.1)
 
-        cell = config.m_per_px * np.exp2(np.arange(LEVELS - 1, -1, -1, dtype=np.float64))
+        levels = np.arange(LEVELS - 1, -1, -1, dtype=np.float64)
+        cell = config.m_per_px * np.exp2(levels)
         dims = np.floor((high - low) / cell[:, None]).astype(np.int64) + 2
         pixels = width_m * height_m / config.m_per_px**2
         wanted = np.log2(max(pixels * config.entries_per_px, 2.0))
-        finest = int(np.clip(np.ceil(wanted), 12, config.max_log2_entries))
-        # A surface has a quarter of the vertices at each coarser level.
-        hashed = 2 ** np.maximum(np.arange(finest - LEVELS + 1, finest + 1), finest - 2)
+        finest = int(np.clip(np.ceil(wanted), MIN_LOG2_ENTRIES, config.max_log2_entries))
+        # A surface has a quarter of the vertices at each coarser level, but the front shares them.
+        coarsest = max(finest - 2, MIN_LOG2_ENTRIES)
+        hashed = 2 ** np.maximum(np.arange(finest - LEVELS + 1, finest + 1), coarsest)
         dense = dims.prod(axis=1)
         rows = np.minimum(dense, hashed)
 

@@ -8,7 +8,7 @@ For each ray: samples at ``start + k step`` in occupied cells, front first, then
 - ``w_i = T_i (1 - exp(-sigma_i dt_i))``, ``T_i = exp(-sum_{j<i} sigma_j dt_j)``
 - error of a ray: ``sum_c huber(gain_c (sum_i w_i c_i + T background_c) - pixel_c)``
 - spread: ``sum_ij w_i w_j |t_i - t_j| + sum_i w_i^2 dt_i / 3`` over the slab
-- standing off: ``sum_i w_i min(max(z_i, 0), STAND_OFF_M)`` over the slab
+- standing off: ``sum_i w_i max(z_i, 0)`` over the slab
 """
 
 from __future__ import annotations
@@ -27,7 +27,6 @@ from si3fp.camera2d.radiance.arrays import (
     OPAQUE,
     PRIME_X,
     PRIME_Y,
-    STAND_OFF_M,
     Field,
     Photos,
 )
@@ -155,7 +154,7 @@ def error_of_ray(
     slab = np.where(region == SLAB, weight, 0.0)
     apart = np.abs(t[:, None] - t[None, :])
     error += shape[0] * float(slab @ apart @ slab + (slab**2) @ dt / 3.0)
-    in_front = np.where(region == SLAB, np.clip(position[:, 2], 0.0, STAND_OFF_M), 0.0)
+    in_front = np.where(region == SLAB, np.maximum(position[:, 2], 0.0), 0.0)
     error += shape[1] * float(weight @ in_front)
     if gradients is None:
         return error, rendered, left

@@ -46,8 +46,8 @@ class FitReport:
     held_out_psnr_db: float | None
 
 
-def train(trainer: Trainer, budget: int, progress: Progress | None) -> FitReport:
-    """Train on ``budget`` samples or fewer.
+def train(trainer: Trainer, progress: Progress | None) -> FitReport:
+    """Train on the trainer's budget of samples or fewer.
 
     The rates fall in the second part of a training. Where the held-out photo has become no better
     over two checks of the first part, that second part begins.
@@ -57,7 +57,7 @@ def train(trainer: Trainer, budget: int, progress: Progress | None) -> FitReport
     FacadeError
         If the colour error is not a number any more.
     """
-    config, photos = trainer.config, trainer.photos
+    config, photos, budget = trainer.config, trainer.photos, trainer.budget
     stopped, history, next_check = "samples", [], CHECK_EVERY
     with ThreadPoolExecutor(config.threads) as pool:
         trainer.step(pool, 0.0)  # compiles the kernels where they are not cached, off the clock

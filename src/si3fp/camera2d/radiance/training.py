@@ -30,6 +30,9 @@ from si3fp.geometry.rigid import FloatArray
 PARTS = 16
 """Parts of a batch; fixed, so that sums do not depend on the number of threads."""
 
+BATCHES, MIN_BATCH_SAMPLES = 3000, 4096
+"""A small wall needs as many steps as a large one; smaller batches cost more than they bring."""
+
 BETA1, BETA2, EPSILON = 0.9, 0.99, 1e-10
 
 
@@ -67,17 +70,20 @@ class Trainer:
         photos: TrainingPhotos,
         points_m: FloatArray,
         bounds: F32,
+        budget: int,
         config: RadianceConfig,
         rng: np.random.Generator,
     ) -> None:
         self.field, self.network, self.layout = field, network, layout
         self.photos, self.bounds, self.config, self.rng = photos, bounds, config, rng
+        self.budget = budget
+        self.batch_samples = min(max(budget // BATCHES, MIN_BATCH_SAMPLES), config.batch_samples)
         self.moments = np.zeros((len(field.table), 2, FEATURES), np.float32)
         self.gradient = np.zeros_like(field.table)
         self.value = np.zeros(len(field.occupied), np.float32)
         self.network_adam = AdamVector.like(network)
         self.gain_adam = AdamVector.like(photos.photos.gain)
-        room = config.batch_samples // PARTS * 2 + MAX_BLOCKS * LANES
+        room = self.batch_samples // PARTS * 2 + MAX_BLOCKS * LANES
         self.samples_left = Samples(
             np.empty((PARTS, room, 3), np.float32),
             np.empty((PARTS, LEVELS, room, FEATURES), np.float32),
@@ -121,7 +127,7 @@ class Trainer:
     def step(self, pool: ThreadPoolExecutor, fraction: float) -> None:
         """One batch; ``fraction`` of the training lies behind."""
         config = self.config
-        number = int(config.batch_samples / max(self.samples_per_ray, 4.0))
+        number = int(self.batch_samples / max(self.samples_per_ray, 4.0))
         number = max(PARTS, number // PARTS * PARTS)
         draws = self.photos.draw(self.rng, number)
         noise = self.rng.random((number, 4), dtype=np.float32)
