@@ -272,8 +272,8 @@ def test_no_scale_is_an_error_that_names_what_gives_one(folder, tmp_path, recons
         assert option in str(error.value)
 
 
-def test_a_triangle_gives_the_scale(folder, tmp_path, monkeypatch):
-    """The run's own length unit does not show in its result."""
+def test_a_triangle_gives_the_scale(folder):
+    """The unit of the reconstruction does not show in what follows."""
     model = read_colmap_text(folder / "cameras")
     small = replace(
         model,
@@ -288,16 +288,15 @@ def test_a_triangle_gives_the_scale(folder, tmp_path, monkeypatch):
         ),
         points=replace(model.points, points_in_world=model.points.points_in_world / 7),
     )
-    monkeypatch.setattr(steps, "find_poses", lambda *_: Poses(small, {"p9.jpg": "lost"}))
     files = steps.PhotoFiles(folder=folder / "photos", triangle=folder / "triangle.json")
-    run = go(files, tmp_path / "RUN", COARSE)
-    reconstruction = about(run)["reconstruction"]
-    assert reconstruction["scaled_by"] == "distances"
-    assert reconstruction["m_per_unit"] == pytest.approx(7.0, rel=1e-3)
-    assert max(abs(side["residual_m"]) for side in reconstruction["sides"]) < 0.01
-    widths = sorted(facade.width_m for facade in run.loose_facades)
-    assert widths == pytest.approx([8.0, 10.0], abs=0.15)
-    assert {"id": "p9.jpg", "used": False, "reason": "lost"} in about(run)["photos"]
+    sources = steps.collect_photos(files, COARSE)
+    scene = steps.make_scene(sources, Poses(small, {"p9.jpg": "lost"}), COARSE)
+    record = steps.photos_record(scene)
+    assert record["reconstruction"]["scaled_by"] == "distances"
+    assert record["reconstruction"]["m_per_unit"] == pytest.approx(7.0, rel=1e-3)
+    assert max(abs(side["residual_m"]) for side in record["reconstruction"]["sides"]) < 0.01
+    assert sorted(plane.width_m for plane in scene.planes) == pytest.approx([8.0, 10.0], abs=0.15)
+    assert {"id": "p9.jpg", "used": False, "reason": "lost"} in record["photos"]
 
 
 def test_a_photo_that_is_cut_short_is_listed_and_costs_nothing_else(on_map, folder, tmp_path):
