@@ -11,6 +11,7 @@ from si3fp.errors import InputError
 from si3fp.model import OrthoImage
 from si3fp.windows.bias import hidden_lever
 from si3fp.windows.parse_rendered import parse_rendered, without_specks
+from si3fp.windows.recess_estimate import RecessEstimate, score_by_depth
 
 WINDOW = (3.4, 4.6, 2.5, 4.0)
 BELOW = {"a": (2.0, 1.0, 4.0), "b": (4.0, 1.0, 4.0), "c": (6.0, 1.0, 4.0)}
@@ -270,3 +271,19 @@ def test_the_lever_by_hand():
     assert hidden_lever(shown, 0.2, below) == pytest.approx([0, 0, 0.5, 0])  # two must see
     assert hidden_lever(shown, 0.2, []) == pytest.approx([0, 0, 0, 0])
     assert hidden_lever(shown, 0.2, [np.array([2.5, 1.0, -4.0])]) == pytest.approx([0, 0, 0, 0])
+
+
+@pytest.mark.parametrize(
+    ("score", "recess_m", "lowest", "highest"),
+    [
+        (0.5, None, 0.5, 0.5),  # nothing is known
+        (0.5, 0.20, 0.5, 0.5),  # deep: a window, a door or a niche
+        (0.5, -0.02, 0.0, 0.2),  # a panel
+        (0.98, 0.02, 0.9, 0.98),  # a window flush with its wall
+    ],
+)
+def test_depth_speaks_against_what_lies_in_the_wall_and_for_nothing(
+    score, recess_m, lowest, highest
+):
+    recess = RecessEstimate(recess_m, 0.0 if recess_m is None else 0.03, 0.0, 3)
+    assert lowest <= score_by_depth(score, recess) <= highest

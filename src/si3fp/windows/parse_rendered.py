@@ -29,7 +29,7 @@ from si3fp.windows.detect import WindowDetector
 from si3fp.windows.fuse import FusedDetections
 from si3fp.windows.measure import edges_from_box, measure_windows
 from si3fp.windows.parse import ParsedFacade, find_windows, interval_of, of_label
-from si3fp.windows.recess_estimate import UNKNOWN_RECESS, RecessEstimate
+from si3fp.windows.recess_estimate import UNKNOWN_RECESS, RecessEstimate, score_by_depth
 
 HALF = 0.5
 """Share of a window that a photo must see to count as a view of it."""
@@ -102,6 +102,8 @@ def parse_rendered(
         these: FusedDetections, recesses: Sequence[RecessEstimate] | None
     ) -> tuple[Window, ...]:
         depths = (UNKNOWN_RECESS,) * len(these.views) if recesses is None else recesses
+        if recesses is not None:
+            these, depths = _believed(these, recesses, detector.thresholds["window"])
         if measure.refine:
             these = edges_by_depth(these, depths, ortho, grid.m_per_px)
         these = complete_doors(these, deep, shows, grid.m_per_px)
@@ -173,6 +175,21 @@ def _on_the_wall(
             f"left out: it lies on something more than {IN_FRONT_M} m in front of the wall"
         )
     return boxes.select(~ahead), tuple(notes)
+
+
+def _believed(
+    found: FusedDetections, recesses: Sequence[RecessEstimate], threshold: float
+) -> tuple[FusedDetections, Sequence[RecessEstimate]]:
+    """The boxes that are windows by picture and depth together, and their recesses."""
+    scores = np.array(
+        [
+            score_by_depth(float(score), recess)
+            for score, recess in zip(found.detections.scores, recesses, strict=True)
+        ]
+    )
+    weighed = replace(found, detections=replace(found.detections, scores=scores))
+    kept = np.flatnonzero(scores >= threshold)
+    return weighed.select(kept), [recesses[index] for index in kept.tolist()]
 
 
 def _views(

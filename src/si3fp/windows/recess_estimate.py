@@ -11,6 +11,11 @@ from si3fp.geometry.rigid import FloatArray
 ALIKE = 0.25
 """Windows whose log width and log height differ by less are of one kind."""
 
+WINDOW_RECESS_M, WINDOW_SPREAD_M = 0.15, 0.10
+"""Depth of the glass of windows: mean and standard deviation, flush windows included."""
+FLUSH_SPREAD_M = 0.05
+"""What is painted on a wall or hangs on it lies in its plane, give or take this."""
+
 
 @dataclass(frozen=True, slots=True)
 class RecessEstimate:
@@ -64,3 +69,32 @@ def drawn_to_kind(
     value_m = kind_m + share * ((kind_m if own_m is None else own_m) - kind_m)
     left_m = np.hypot(spread_m * np.sqrt(1 - share), floor_m)
     return value_m, float(left_m)
+
+
+def score_by_depth(score: float, recess: RecessEstimate) -> float:
+    """The probability of a window after its depth: a panel or a capital lies in the wall's plane.
+
+    Depth only speaks against a window: doors, niches and shadows lie as deep as one.
+
+    Parameters
+    ----------
+    score
+        Probability by the picture.
+    recess
+        Depth of the glass; without one the score stays.
+
+    Notes
+    -----
+    Bayes' rule with normal densities of the depth of windows and of what is none.
+    """
+    if recess.recess_m is None:
+        return score
+    window = np.hypot(WINDOW_SPREAD_M, recess.sigma_m)
+    flush = np.hypot(FLUSH_SPREAD_M, recess.sigma_m)
+    log_odds = (
+        0.5 * (recess.recess_m / flush) ** 2
+        - 0.5 * ((recess.recess_m - WINDOW_RECESS_M) / window) ** 2
+        + np.log(flush / window)
+    )
+    odds = float(np.exp(min(log_odds, 0.0)))
+    return score * odds / (score * odds + 1 - score)
