@@ -361,7 +361,8 @@ class PhotoConfig:
     mosaic: MosaicConfig = field(default_factory=MosaicConfig)
     radiance: RadianceConfig = field(default_factory=RadianceConfig)
     ortho: OrthoConfig = field(default_factory=OrthoConfig)
-    facade_box: FacadeBoxConfig = field(default_factory=FacadeBoxConfig)
+    # decision: eaves from the points of a reconstruction are surer than those of a map
+    facade_box: FacadeBoxConfig = field(default_factory=lambda: FacadeBoxConfig(eaves_sigma_m=0.4))
     fusion: FusionConfig = field(default_factory=FusionConfig)
     measure: MeasureConfig = field(default_factory=MeasureConfig)
     thermal: ThermalConfig = field(default_factory=ThermalConfig)
