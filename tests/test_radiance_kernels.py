@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from si3fp.camera2d.radiance import reference
+from si3fp.camera2d.radiance import arrays, reference
 from si3fp.camera2d.radiance.arrays import (
     FEATURES,
     LANES,
@@ -258,3 +258,13 @@ def test_neighbours_of_dense_cells_stay_occupied():
         (1, 2, 0), (0, 2, 0), (2, 2, 0), (1, 1, 0), (1, 3, 0), (1, 2, 1)
     }  # fmt: skip
     assert (occupied[:2] == 7).all()
+
+
+def test_kernels_compile_where_nothing_can_be_cached(monkeypatch):
+    def njit(**options):
+        if options.get("cache"):
+            raise RuntimeError("cannot cache function: no locator available")
+        return lambda function: ("compiled", function)
+
+    monkeypatch.setattr(arrays.numba, "njit", njit)
+    assert arrays.compiled(abs) == ("compiled", abs)

@@ -111,14 +111,6 @@ class FieldLayout:
             np.concatenate([[0], np.cumsum(region_dims.prod(axis=1))]),
         )
 
-    def cells_of(self, points_m: FloatArray, region: int) -> NDArray[np.int64]:
-        """Flat cells of the points (N, 3) that lie in the region."""
-        cell = np.floor((points_m - self.region_low_m[region]) / self.region_cell_m[region])
-        dims = self.region_dims[region]
-        inside = (np.isfinite(cell) & (cell >= 0) & (cell < dims)).all(axis=1)
-        index = np.ravel_multi_index(tuple(cell[inside].astype(np.int64).T), tuple(dims))
-        return np.asarray(self.region_first[region] + index, dtype=np.int64)
-
 
 def new_field(
     layout: FieldLayout, config: RadianceConfig, rng: np.random.Generator
