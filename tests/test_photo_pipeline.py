@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from itertools import combinations
@@ -28,6 +29,7 @@ from si3fp.steps.photo_scene import Poses
 FINE = PhotoConfig(renderer="mosaic")
 COARSE = replace(FINE, ortho=OrthoConfig(m_per_px=0.05))
 FRONT, GABLE = "house-a-0", "house-a-1"
+NORTH_ARROW, SCALE_BAR = ">N</text>", r">\d+\sm</text>"
 FRONT_PHOTOS = [f"p{n}.jpg" for n in range(6)]
 
 
@@ -150,6 +152,13 @@ def test_the_run_tells_which_photos_it_used_and_where_they_stood(house, first):
     assert about(first)["north_known"]
 
 
+def test_the_report_knows_north_and_metres(first):
+    page = first.workspace.report.read_text()
+    assert re.search(NORTH_ARROW, page)
+    assert re.search(SCALE_BAR, page)
+    assert re.search("faces [NESW]", page)
+
+
 def test_an_interrupted_run_goes_on_to_the_same_files(on_map, first, tmp_path):
     def cut(step, done, total):
         if (step, done) == ("facades", 1):
@@ -213,6 +222,10 @@ def test_without_footprints_and_origin_walls_are_faces_of_a_model_without_north(
     assert about(run)["north_known"] is False
     assert about(run)["origin"] is None
     assert not (run.workspace.root / "windows.geojson").exists()  # no place on a map
+    page = run.workspace.report.read_text()
+    assert not re.search(NORTH_ARROW, page)
+    assert not re.search("faces [NESW]", page)
+    assert re.search(SCALE_BAR, page)
     with pytest.raises(InputError, match=r"--north DEG"):
         steps.simulate_run(run.workspace, tmp_path / "any.epw")
 
@@ -260,7 +273,10 @@ def test_without_a_scale_there_are_ratios_and_pictures_but_no_model(
         assert run.workspace.facade(facade.id, "overlay.png").exists()
         notes = json.loads(run.workspace.facade(facade.id, "facade.json").read_text())["notes"]
         assert any("no scale" in note for note in notes)
-    assert "size of the building is not known" in run.workspace.report.read_text()
+    page = run.workspace.report.read_text()
+    assert "size of the building is not known" in page
+    assert not re.search(NORTH_ARROW, page)
+    assert not re.search(SCALE_BAR, page)
     with pytest.raises(InputError, match=r"no model\.hbjson"):
         steps.simulate_run(run.workspace, tmp_path / "any.epw")
 

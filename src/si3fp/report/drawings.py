@@ -48,6 +48,9 @@ def plan(
     cameras: Sequence[CameraPoint],
     width_px: int = 1040,
     max_height_px: int = 460,
+    *,
+    north_known: bool = True,
+    metric: bool = True,
 ) -> Markup | None:
     """The run seen from above, north up, with a scale bar; None where there is nothing to draw.
 
@@ -59,6 +62,8 @@ def plan(
         What stands where.
     width_px, max_height_px
         Limits of the drawing; its scale follows from them.
+    north_known, metric
+        Whether the world's y axis is north and its unit the metre; arrow and bar say no more.
     """
     solid = [outline for _, outline in footprints] + [wall.ends_in_world for wall in walls]
     points = np.array([camera.position_in_world[:2] for camera in cameras]).reshape(-1, 2)
@@ -95,8 +100,8 @@ def plan(
             if near
         ),
         *(_wall(wall, at(wall.ends_in_world[0]), at(wall.ends_in_world[1])) for wall in walls),
-        _north(width_px - 34, 40),
-        _scale_bar(px_per_m, 24, height_px - 18),
+        _north(width_px - 34, 40) if north_known else None,
+        _scale_bar(px_per_m, 24, height_px - 18) if metric else None,
         _text(width_px - 20, height_px - 14, f"{counted(away, 'camera')} outside this plan", "end")
         if away
         else None,

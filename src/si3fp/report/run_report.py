@@ -172,7 +172,13 @@ def _plan(known: RunRecords) -> Markup | None:
         for camera in cameras_of(known.run)[1]
         if isinstance(position := camera.get("position_in_world"), list)
     ]
-    drawing = plan(outlines, list(_walls(known)), cameras)
+    drawing = plan(
+        outlines,
+        list(_walls(known)),
+        cameras,
+        north_known=bool(known.run.get("north_known", True)),
+        metric=bool(record(known.run.get("reconstruction")).get("metric", True)),
+    )
     if drawing is None:
         return None
     keys = [*((colour, f"facade {status}") for status, colour in STATUS_COLOURS.items()),

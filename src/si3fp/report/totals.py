@@ -14,9 +14,9 @@ LABELS = {"window": ("window", "windows"), "balcony_door": ("balcony door", "bal
 
 
 def faces(facade: Record) -> str:
-    """Where a facade looks, for example ``faces SW (225°)``; empty without a pose."""
+    """Where a facade looks, for example ``faces SW (225°)``; empty without a pose or north."""
     pose = pose_of(facade)
-    if pose is None:
+    if pose is None or facade.get("origin", {}) is None:
         return ""
     bearing_deg = compass_bearing_deg(pose.rotation[:, 2])
     return f"faces {BEARINGS[round(bearing_deg / 45) % 8]} ({bearing_deg:.0f}°)"
