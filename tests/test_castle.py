@@ -8,11 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.annotated import annotated_facades, annotation
 
 from si3fp.evaluate import evaluate, facades_from_hbjson
 from si3fp.geometry.enu import GeoOrigin
-from si3fp.geometry.rigid import Rigid3
-from si3fp.model import Facade, Window
 from si3fp.pipeline import run_street
 
 pytestmark = [
@@ -23,7 +22,6 @@ pytestmark = [
     ),
 ]
 FACADES = {"wing-a-3", "wing-b-3", "wing-c-3"}
-TRUTH = Path(__file__).parent / "data" / "castle_truth.json"
 
 
 @pytest.fixture(scope="module")
@@ -38,24 +36,8 @@ def run(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def truth():
-    content = json.loads(TRUTH.read_text())
-    facades = [
-        Facade(
-            name,
-            Rigid3(
-                np.array(facade["world_from_facade"]["rotation"]),
-                np.array(facade["world_from_facade"]["translation"]),
-            ),
-            facade["width_m"],
-            facade["height_m"],
-            tuple(
-                Window(w["x_m"], w["y_m"], w["width_m"], w["height_m"], w["label"])
-                for w in facade["windows"]
-            ),
-        )
-        for name, facade in content["facades"].items()
-    ]
-    return GeoOrigin(**content["origin"]), facades
+    content = annotation("castle_truth.json")
+    return GeoOrigin(**content["origin"]), annotated_facades(content)
 
 
 @pytest.fixture(scope="module")
