@@ -362,7 +362,7 @@ class PhotoConfig:
     radiance: RadianceConfig = field(default_factory=RadianceConfig)
     ortho: OrthoConfig = field(default_factory=OrthoConfig)
     # decision: eaves from the points of a reconstruction are surer than those of a map
-    facade_box: FacadeBoxConfig = field(default_factory=lambda: FacadeBoxConfig(eaves_sigma_m=0.4))
+    facade_box: FacadeBoxConfig = field(default_factory=lambda: FacadeBoxConfig(eaves_sigma_m=1.0))
     fusion: FusionConfig = field(default_factory=FusionConfig)
     measure: MeasureConfig = field(default_factory=MeasureConfig)
     thermal: ThermalConfig = field(default_factory=ThermalConfig)

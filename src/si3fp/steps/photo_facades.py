@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from si3fp.camera2d.facade_plane import FacadePlane
 from si3fp.camera2d.mosaic import MosaicRendering, render_mosaic
 from si3fp.camera2d.radiance_facade import render_radiance
 from si3fp.camera2d.render import RenderedFacade, facade_grid
-from si3fp.config import OrthoConfig, PhotoConfig
+from si3fp.config import FacadeBoxConfig, OrthoConfig, PhotoConfig
 from si3fp.errors import FacadeError, InputError
 from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.rigid import Rigid3
@@ -56,9 +57,8 @@ def find_photo_facade(
             step = "facade_box"
             with timed("S.4 facade"):
                 rng = np.random.default_rng([config.seed, *name.encode()])
-                box = find_facade_box(
-                    mosaic.views.views, wide, _prior(plane, config.ortho), config.facade_box, rng
-                )
+                prior = _prior(plane, config.ortho)
+                box = find_facade_box(mosaic.views.views, wide, prior, _box(plane, config), rng)
                 photo = _cropped(mosaic, box, wide)
             rendered: RenderedFacade | None = None
             if config.renderer == "radiance":
@@ -121,6 +121,13 @@ def _mosaic(
         config.mosaic,
         progress,
     )
+
+
+def _box(plane: FacadePlane, config: PhotoConfig) -> FacadeBoxConfig:
+    """How sure the borders are before the pictures are asked."""
+    if plane.building_id is None:
+        return config.facade_box
+    return replace(config.facade_box, eaves_sigma_m=config.mapped_eaves_sigma_m)
 
 
 def _prior(plane: FacadePlane, config: OrthoConfig) -> PriorBox:
