@@ -184,7 +184,7 @@ class RadianceConfig:
     min_opacity: float = 0.015  # decision: a cell is empty where a sample absorbs less than this
     held_out_pixels: int = 20_000
     converged_db: float = 0.05  # decision: less gain over a fifth of the budget is none
-    before_surface_m: float = 0.06  # decision: a surface does not hide itself
+    before_surface_m: float = 0.10  # decision: a surface does not hide itself
     threads: int = 2
 
 
@@ -361,8 +361,8 @@ class PhotoConfig:
     mosaic: MosaicConfig = field(default_factory=MosaicConfig)
     radiance: RadianceConfig = field(default_factory=RadianceConfig)
     ortho: OrthoConfig = field(default_factory=OrthoConfig)
-    # decision: eaves from the points of a reconstruction are surer than those of a map
-    facade_box: FacadeBoxConfig = field(default_factory=lambda: FacadeBoxConfig(eaves_sigma_m=1.0))
+    facade_box: FacadeBoxConfig = field(default_factory=FacadeBoxConfig)
+    mapped_eaves_sigma_m: float = 0.4  # decision: eaves where map and points agree
     fusion: FusionConfig = field(default_factory=FusionConfig)
     measure: MeasureConfig = field(default_factory=MeasureConfig)
     thermal: ThermalConfig = field(default_factory=ThermalConfig)
