@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -189,7 +190,8 @@ class RadianceField:
 
         For each photo a lattice (h, w) that covers the grid with cells of about ``step_m``; True
         where the surface at the centre of the cell projects into the photo and more than half of
-        its light reaches the camera. A cell without depth is taken on the plane.
+        its light reaches the camera, by majority of the 3 x 3 cells around. A cell without depth
+        is taken on the plane.
         """
         h, w = (max(1, round(size / step_m)) for size in (grid.height_m, grid.width_m))
         x, y = np.meshgrid((np.arange(w) + 0.5) / w, (np.arange(h) + 0.5) / h)
@@ -200,7 +202,9 @@ class RadianceField:
         in_world = self.world_from_facade.apply(points)
 
         def seen(photo: Photo) -> NDArray[np.bool_]:
-            return self._visible(photo, points, in_world).reshape(h, w)
+            lattice = self._visible(photo, points, in_world).reshape(h, w)
+            # A grain of depth must not hide a cell from its own photo: the cells around it vote.
+            return np.asarray(cv2.medianBlur(lattice.view(np.uint8), 3), np.uint8) > 0
 
         with ThreadPoolExecutor(self.config.threads) as pool:
             return dict(zip((p.id for p in photos), pool.map(seen, photos), strict=True))
