@@ -281,8 +281,12 @@ def test_without_a_scale_there_are_ratios_and_pictures_but_no_model(
         steps.simulate_run(run.workspace, tmp_path / "any.epw")
 
 
-def test_no_scale_is_an_error_that_names_what_gives_one(folder, tmp_path, reconstructed):
-    with pytest.raises(ReconstructionError) as error:
+def test_no_scale_is_said_before_the_work_and_names_what_gives_one(folder, tmp_path, monkeypatch):
+    def never(*_):
+        raise AssertionError("poses were sought")
+
+    monkeypatch.setattr(steps, "find_poses", never)
+    with pytest.raises(InputError) as error:
         go(steps.PhotoFiles(folder=folder / "photos"), tmp_path / "RUN")
     for option in ("--triangle", "GPS", "--cameras", "--unscaled"):
         assert option in str(error.value)

@@ -14,8 +14,6 @@ from tests.scenes.photos import make_photos, write_photos
 
 from si3fp import cli, steps
 from si3fp.errors import FacadeError
-from si3fp.sources.colmap_text import read_colmap_text
-from si3fp.steps.photo_scene import Poses
 
 FRONT, GABLE = "house-a-0", "house-a-1"
 
@@ -268,9 +266,7 @@ def test_unscaled_beside_what_gives_a_scale(photos, folder):
     fails(photos("--unscaled", "--triangle", folder / "triangle.json"), "--unscaled", "--triangle")
 
 
-def test_no_scale(photos, folder, monkeypatch):
-    model = read_colmap_text(folder / "cameras")
-    monkeypatch.setattr(steps, "find_poses", lambda *_: Poses(model, {}))
+def test_no_scale(photos):
     fails(photos(), "no scale", "--triangle", "GPS", "--cameras", "--unscaled")
 
 

@@ -18,6 +18,9 @@ from si3fp.sources.triangle import read_known_distances
 from si3fp.thermal.archetypes import archetype
 from si3fp.workspace import key_of, sha256_of
 
+MIN_GPS_PHOTOS = 3
+"""Fewer positions give no scale."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PhotoFiles:
@@ -106,6 +109,7 @@ def collect_photos(files: PhotoFiles, config: PhotoConfig) -> PhotoSources:
     for distance in distances:
         for name in (distance.start, distance.end):
             _require_photo(name, names, folder.unreadable, f"{files.triangle}: {distance}")
+    _require_scale(files, folder)
     cameras = _known_cameras(files.cameras, folder) if files.cameras else None
     outlines = read_footprints(files.footprints, files.columns) if files.footprints else []
     hashes = {f"{record.id} (photo)": sha256_of(record.file) for record in folder.records}
@@ -140,6 +144,19 @@ def photo_run_key(
         config.as_dict(),
         detector,
         version,
+    )
+
+
+def _require_scale(files: PhotoFiles, folder: PhotoFolder) -> None:
+    """Minutes of work must not end with the message that nothing gave the scale."""
+    placed = sum(record.gps is not None for record in folder.records)
+    if files.triangle or files.cameras or files.unscaled or placed >= MIN_GPS_PHOTOS:
+        return
+    raise InputError(
+        f"The photos of {files.folder} have no scale: {placed} of {len(folder.records)} have GPS, "
+        f"{MIN_GPS_PHOTOS} are needed. Give measured distances (--triangle FILE), photos with GPS, "
+        "or known cameras (--cameras DIR); or go on without metres (--unscaled), to window-to-wall "
+        "ratios and pictures but no thermal model."
     )
 
 
