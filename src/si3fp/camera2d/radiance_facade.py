@@ -92,7 +92,7 @@ def render_radiance(
         raise KeyboardInterrupt
     seen = field.render_ortho(grid, radiance.slab_front_m, radiance.slab_behind_m)
     lattices = {
-        name: _without_specks(lattice) & _resized(sights[name], lattice.shape)
+        name: lattice & _resized(sights[name], lattice.shape)
         for name, lattice in field.coverage(
             chosen, grid, seen.depth_m, COVERAGE_PX * grid.m_per_px
         ).items()
@@ -112,11 +112,6 @@ def render_radiance(
     return RenderedFacade(
         covered(ortho, mosaic.min_photos), lattices, report.held_out_psnr_db, tuple(notes)
     )
-
-
-def _without_specks(lattice: BoolLattice) -> BoolLattice:
-    """The lattice after a 3 x 3 majority: whether a ray passes a frame by a hair is chance."""
-    return np.asarray(cv2.medianBlur(lattice.view(np.uint8), 3), np.uint8) > 0
 
 
 def _resized(lattice: BoolLattice, shape: tuple[int, ...]) -> BoolLattice:
