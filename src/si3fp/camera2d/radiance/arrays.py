@@ -30,6 +30,7 @@ MAX_BLOCKS = 32
 PRIME_X, PRIME_Y = 2654435761, 805459861
 U64 = np.uint64
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+FAR = np.float32(1e9)
 MAX_RAW = np.float32(8.0)
 OPAQUE = np.float32(1e-3)
 

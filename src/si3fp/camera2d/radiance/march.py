@@ -4,7 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from si3fp.camera2d.radiance.arrays import F32, LANES, ONE, ZERO, Field, Photos, Work, compiled
+from si3fp.camera2d.radiance.arrays import (
+    F32,
+    FAR,
+    LANES,
+    ONE,
+    ZERO,
+    Field,
+    Photos,
+    Work,
+    compiled,
+)
 
 
 @compiled
@@ -24,6 +34,20 @@ def photo_ray(photos: Photos, photo: int, x: float, y: float, ray: F32) -> None:
 
 
 @compiled
+def between_sides(field: Field, ray: F32) -> tuple[np.float32, np.float32]:
+    """Distances at which a ray enters and leaves the slab by its left, right, bottom or top."""
+    enter, leave = -FAR, FAR
+    for axis in range(2):
+        d = ray[3 + axis]
+        low = field.region_low[1, axis]
+        high = low + field.region_cell[1] * np.float32(field.region_dims[1, axis])
+        if abs(d) > np.float32(1e-9):
+            a, b = (low - ray[axis]) / d, (high - ray[axis]) / d
+            enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
+    return enter, leave
+
+
+@compiled
 def clip(ray: F32, field: Field, spans: F32, bounds: F32) -> bool:
     """Spans of a ray that looks at the wall: front, then slab; False if it misses the rectangle.
 
@@ -36,15 +60,10 @@ def clip(ray: F32, field: Field, spans: F32, bounds: F32) -> bool:
     x, y = ray[0] + wall * ray[3], ray[1] + wall * ray[4]
     if x < bounds[0] or x > bounds[1] or y < bounds[2] or y > bounds[3]:
         return False
-    start, end = (bounds[5] - ray[2]) / ray[5], (bounds[4] - ray[2]) / ray[5]
+    enter, leave = between_sides(field, ray)
+    start = max(enter, (bounds[5] - ray[2]) / ray[5])
+    end = min(leave, (bounds[4] - ray[2]) / ray[5])
     near = wall * bounds[6]
-    for axis in range(2):
-        d = ray[3 + axis]
-        low = field.region_low[1, axis]
-        high = low + field.region_cell[1] * np.float32(field.region_dims[1, axis])
-        if abs(d) > np.float32(1e-9):
-            a, b = (low - ray[axis]) / d, (high - ray[axis]) / d
-            start, end = max(start, min(a, b)), min(end, max(a, b))
     spans[0, 0] = near
     spans[0, 1] = (bounds[5] - ray[2]) / ray[5]
     spans[1, 0] = max(start, near)
@@ -68,7 +87,7 @@ def next_block(field: Field, ray: F32, spans: F32, cursor: F32, w: Work, b: int)
         at = 0
         while t < end:
             at = 0
-            leave = np.float32(1e9)
+            leave = FAR
             for axis in range(3):
                 d = ray[3 + axis]
                 p = ray[axis] + t * d - field.region_low[r, axis]

@@ -18,7 +18,7 @@ from si3fp.camera2d.radiance.arrays import (
     compiled,
 )
 from si3fp.camera2d.radiance.kernels import direction_share, evaluate_density, new_work, trace
-from si3fp.camera2d.radiance.march import clip, photo_ray
+from si3fp.camera2d.radiance.march import between_sides, clip, photo_ray
 
 
 @compiled
@@ -83,7 +83,9 @@ def see_points(
         border = (slab_top - ray[2]) / ray[5] if ray[5] < ZERO else ZERO
         end = length - before
         spans[0, 0], spans[0, 1], spans[0, 2] = skip * length, min(border, end), steps[0]
-        spans[1, 0], spans[1, 1], spans[1, 2] = max(border, skip * length), end, steps[1]
+        enter, leave = between_sides(field, ray)
+        spans[1, 0] = max(border, enter, skip * length)
+        spans[1, 1], spans[1, 2] = min(end, leave), steps[1]
         trace(field, ray, spans, w, towards, shaded)
         seen[n] = shaded[3] > HALF
 
