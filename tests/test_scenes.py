@@ -9,10 +9,12 @@ import honeybee_schema.model as honeybee
 import numpy as np
 import pytest
 from tests.scenes import Street, make_street, write_street
+from tests.scenes.photos import make_photos, write_photos
 
 from si3fp.evaluate import evaluate, facades_from_hbjson
 from si3fp.geometry.equirect import directions_from_pixels, pixels_from_directions
 from si3fp.geometry.planes import ray_plane_distances
+from si3fp.sources.colmap_text import read_colmap_text
 from si3fp.sources.footprints import footprints_in_world, read_footprints
 from si3fp.sources.local import image_loader, panoramas_in_world, read_panorama_records
 
@@ -144,3 +146,26 @@ def test_the_true_model_is_a_valid_honeybee_model_of_the_same_facades(
     assert result.windows_total.f1 == 1.0
     assert result.windows_total.mean_abs_position_error_m == pytest.approx(0.0, abs=1e-5)
     assert result.wwr_total.mean_absolute == pytest.approx(0.0, abs=1e-5)
+
+
+def test_photos_and_their_files_agree(tmp_path: Path) -> None:
+    house = make_photos()
+    write_photos(house, tmp_path)
+    model = read_colmap_text(tmp_path / "cameras")
+    assert [photo.id for photo in model.photos] == list(house.images)
+    seen = 0
+    for photo, exact in zip(model.photos, house.photos, strict=True):
+        np.testing.assert_allclose(photo.centre_in_world, exact.centre_in_world, atol=1e-9)
+        mine = [photo.id in ids for ids in model.points.photo_ids]
+        pixels = photo.camera.project(
+            photo.cam_from_world.apply(model.points.points_in_world[mine])
+        )
+        assert (pixels > -2).all()  # points are a centimetre off
+        assert (pixels < [642, 482]).all()
+        # Points have the colour that the photo shows there, shaded and haze aside.
+        x, y = pixels.astype(int).clip(0, [639, 479]).T
+        shown = house.images[photo.id][y, x].astype(float)
+        true = model.points.rgb[mine].astype(float)
+        assert np.corrcoef(shown.ravel(), true.ravel())[0, 1] > 0.8
+        seen += len(pixels)
+    assert seen > 5000

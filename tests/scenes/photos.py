@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 from tests.scenes import textures
 from tests.scenes.files import JPEG_QUALITY, footprint_feature
 from tests.scenes.layout import ground, house_surfaces, lay_out
@@ -127,7 +128,8 @@ def write_colmap_text(photo_set: PhotoSet, folder: Path) -> None:
     lines = []
     numbers = {photo.id: n for n, photo in enumerate(photo_set.photos, start=1)}
     for photo in photo_set.photos:
-        pose = [*_quaternion(photo.cam_from_world.rotation), *photo.cam_from_world.translation]
+        x, y, z, w = Rotation.from_matrix(photo.cam_from_world.rotation).as_quat()
+        pose = [w, x, y, z, *photo.cam_from_world.translation]
         lines += [f"{numbers[photo.id]} {' '.join(f'{v:.12g}' for v in pose)} 1 {photo.id}", ""]
     (folder / "images.txt").write_text("\n".join(lines) + "\n")
     points = photo_set.points
@@ -191,15 +193,13 @@ def _sparse_points(
     for surface in surfaces:
         if not surface.plane:
             continue
-        wall = surface.facade is not None
-        count = int(per_m2 * surface.width_m * surface.height_m) if wall else 4000
-        uv = rng.uniform(size=(count, 2)) * [surface.width_m, surface.height_m]
-        row, column = (
-            (np.array([surface.height_m, 0.0]) + uv[:, ::-1] * [-1, 1]).T
-            * surface.picture.shape[0]
-            / surface.height_m
-        )
-        pixel = row.astype(int).clip(0, surface.picture.shape[0] - 1), column.astype(int)
+        rows, columns = surface.picture.shape[:2]
+        count = 4000  # of the ground
+        if surface.facade is not None:
+            count = int(per_m2 * surface.width_m * surface.height_m)
+        share = rng.uniform(size=(count, 2))  # to the right and up
+        uv = share * [surface.width_m, surface.height_m]
+        pixel = ((1 - share[:, 1]) * rows).astype(int), (share[:, 0] * columns).astype(int)
         on_wall = np.ones(count, bool)
         if surface.facade is not None:
             on_wall = surface.facade.opening_id[pixel] == 0
@@ -230,17 +230,3 @@ def _sees(photo: Photo, points: FloatArray, surfaces: list[Surface]) -> NDArray[
         hidden = inside(surface, distance, u, v) & (distance < 0.999)
         seen &= ~hidden[:, 0]
     return seen
-
-
-def _quaternion(rotation: FloatArray) -> FloatArray:
-    """Unit quaternion w, x, y, z: the null vector of a symmetric matrix (Bar-Itzhack 2000)."""
-    r = rotation
-    matrix = np.array(
-        [
-            [r[0, 0] + r[1, 1] + r[2, 2], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
-            [r[2, 1] - r[1, 2], r[0, 0] - r[1, 1] - r[2, 2], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]],
-            [r[0, 2] - r[2, 0], r[0, 1] + r[1, 0], r[1, 1] - r[0, 0] - r[2, 2], r[1, 2] + r[2, 1]],
-            [r[1, 0] - r[0, 1], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], r[2, 2] - r[0, 0] - r[1, 1]],
-        ]
-    )
-    return np.linalg.eigh(matrix)[1][:, -1]
