@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from si3fp.camera2d.scale import georeference, scale_from_distances
+from si3fp.camera2d.scale import scale_from_distances
 from si3fp.errors import InputError
 from si3fp.geometry.equirect import world_from_pano_rotation
 from si3fp.geometry.similarity import Similarity3
@@ -123,49 +123,6 @@ def test_impossible_distances_and_points_say_what_to_do():
 # Known centres
 
 MOVED = Similarity3(M_PER_UNIT, world_from_pano_rotation(40, 70, 10), np.array([9.0, -5.0, 2.0]))
-
-
-def test_three_known_centres_place_the_reconstruction():
-    centres = {name: CORNERS[name] for name in "abc"}
-    world = {name: MOVED.apply(place) for name, place in CORNERS.items()}
-    fit = georeference(centres, world, sigma_m=0.01)
-    assert fit.world_from_reconstruction.scale == pytest.approx(M_PER_UNIT)
-    np.testing.assert_allclose(fit.world_from_reconstruction.rotation, MOVED.rotation, atol=1e-9)
-    assert fit.distances_m == pytest.approx({"a": 0, "b": 0, "c": 0}, abs=1e-9)
-
-
-def test_the_scale_of_noisy_gps_is_covered_by_its_uncertainty():
-    rng = np.random.default_rng(5)
-    street = rng.uniform(-20, 20, (25, 3)) * [1.0, 0.5, 0.02]
-    centres = {str(i): place for i, place in enumerate(street)}
-    hits = []
-    for _ in range(200):
-        world = {i: MOVED.apply(place) + rng.normal(0, 3.0, 3) for i, place in centres.items()}
-        fit = georeference(centres, world, sigma_m=3.0)
-        error = abs(fit.world_from_reconstruction.scale - M_PER_UNIT)
-        hits.append(error <= 1.96 * fit.sigma_m_per_unit)
-    assert np.mean(hits) > 0.91  # 95 % expected, 1.5 % standard deviation of 200 draws
-
-
-def test_one_wrong_place_counts_little():
-    rng = np.random.default_rng(2)
-    centres = {str(i): place for i, place in enumerate(rng.uniform(-5, 5, (12, 3)))}
-    world = {i: MOVED.apply(place) + rng.normal(0, 0.05, 3) for i, place in centres.items()}
-    world["3"] = world["3"] + [40.0, -25.0, 10.0]
-    fit = georeference(centres, world, sigma_m=0.05)
-    assert max(fit.distances_m, key=fit.distances_m.__getitem__) == "3"
-    assert fit.world_from_reconstruction.scale == pytest.approx(M_PER_UNIT, rel=0.01)
-
-
-def test_too_few_or_useless_places_say_what_to_do():
-    world = {name: MOVED.apply(place) for name, place in CORNERS.items()}
-    with pytest.raises(InputError, match=r"Only 2 reconstructed photos.*--triangle"):
-        georeference({name: CORNERS[name] for name in "ab"}, world, 1.0)
-    line = {name: [float(i), 0.0, 0.0] for i, name in enumerate("abcd")}
-    with pytest.raises(InputError, match="on one line"):
-        georeference(line, line, 1.0)
-    with pytest.raises(InputError, match=r"span too little.*Measure a triangle"):
-        georeference(CORNERS, world, sigma_m=30.0)
 
 
 @pytest.mark.slow

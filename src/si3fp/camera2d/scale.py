@@ -1,4 +1,4 @@
-"""Metric scale of a reconstruction, from measured distances or from known camera centres (C.2)."""
+"""Metric scale of a reconstruction from measured distances (C.2)."""
 
 from __future__ import annotations
 
@@ -10,14 +10,11 @@ from numpy.typing import ArrayLike
 
 from si3fp.errors import InputError
 from si3fp.geometry.rigid import FloatArray
-from si3fp.geometry.similarity import Similarity3, SimilarityFit, fit_similarity
 from si3fp.model import KnownDistance
 
 TAPE_SIGMA_M = 0.02
 _OUTLIER_SIGMAS = 3.0
 _GROSS_FRACTION = 0.05  # beyond any tape: exchanged photo names, a slipped digit
-_HUBER_SIGMAS = 2.0
-_REWEIGHTINGS = 30
 _OPTIONS = "give measured distances (--triangle), photos with GPS, or known cameras (--cameras)"
 
 
@@ -163,83 +160,3 @@ def _require_consistent(
         + ", ".join(f"{side.distance} {side.residual_m:+.3f} m" for side in sides)
         + ". Check its photo names and its length, or leave it out."
     )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Georeference:
-    """A reconstruction in the world, from camera centres known there.
-
-    Attributes
-    ----------
-    world_from_reconstruction
-        Similarity; its scale is in metres per unit.
-    sigma_m_per_unit
-        Standard deviation of the scale.
-    distances_m
-        Distance of each transformed centre from its known place.
-    """
-
-    world_from_reconstruction: Similarity3
-    sigma_m_per_unit: float
-    distances_m: dict[str, float]
-
-
-def georeference(
-    centres_in_reconstruction: Mapping[str, ArrayLike],
-    centres_in_world: Mapping[str, ArrayLike],
-    sigma_m: float,
-) -> Georeference:
-    """Scale, orientation and place of a reconstruction from the centres of three or more cameras.
-
-    Centres more than two standard deviations off count less (Huber weights).
-
-    Parameters
-    ----------
-    centres_in_reconstruction, centres_in_world
-        Position (3,) by photo id; photos in one of them only are ignored.
-    sigma_m
-        Standard deviation of a coordinate in the world: some 3 m for a telephone's GPS, 0.01 m for
-        surveyed cameras. The scale's uncertainty takes the larger of it and what the residuals
-        show.
-
-    Raises
-    ------
-    InputError
-        If fewer than three photos are in both, they stand on one line, a position is not finite,
-        or they span less than their uncertainty.
-    """
-    if not (np.isfinite(sigma_m) and sigma_m > 0):
-        raise InputError(f"The standard deviation of a centre must be positive, got {sigma_m} m.")
-    ids = sorted(centres_in_reconstruction.keys() & centres_in_world.keys())
-    if len(ids) < 3:
-        raise InputError(
-            f"Only {len(ids)} reconstructed photos have a known place, 3 are needed; {_OPTIONS}."
-        )
-    source = np.asarray([centres_in_reconstruction[i] for i in ids], dtype=np.float64)
-    target = np.asarray([centres_in_world[i] for i in ids], dtype=np.float64)
-    weights = np.ones(len(ids))
-    for _ in range(_REWEIGHTINGS):
-        fit = fit_similarity(source, target, weights)
-        updated = _huber(fit, sigma_m)
-        if np.abs(updated - weights).max() < 1e-6:
-            break
-        weights = updated
-    scale = fit.b_from_a.scale
-    freedom = max(3 * len(ids) - 7, 1)
-    observed_m = float(np.sqrt(weights @ (fit.residuals**2).sum(axis=1) / freedom))
-    rest = source - weights @ source / weights.sum()
-    sigma_scale = max(sigma_m, observed_m) / float(np.sqrt(weights @ (rest**2).sum(axis=1)))
-    if sigma_scale > scale / 3:
-        raise InputError(
-            f"The {len(ids)} known camera places span too little for their uncertainty of "
-            f"{max(sigma_m, observed_m):.2g} m: the scale would be {scale:.3g} +- "
-            f"{sigma_scale:.2g} m per unit. Measure a triangle (--triangle)."
-        )
-    distances = {i: float(d) for i, d in zip(ids, fit.distances, strict=True)}
-    return Georeference(fit.b_from_a, sigma_scale, distances)
-
-
-def _huber(fit: SimilarityFit, sigma_m: float) -> FloatArray:
-    limit = _HUBER_SIGMAS * np.sqrt(3) * sigma_m
-    weights: FloatArray = np.minimum(1.0, limit / np.maximum(fit.distances, limit))
-    return weights
