@@ -9,6 +9,7 @@ import pytest
 
 from si3fp.camera2d.radiance import RadianceField
 from si3fp.camera2d.radiance.rays import pack_photos
+from si3fp.camera2d.radiance.training import Trainer
 from si3fp.config import RadianceConfig
 from si3fp.errors import FacadeError, InputError
 from si3fp.geometry.facade_grid import FacadeGrid
@@ -243,6 +244,18 @@ def test_progress_counts_up_to_the_budget():
     done = [call[1] for call in calls]
     assert done == sorted(done)
     assert calls[-1][1] == calls[-1][2]
+
+
+def test_a_field_that_became_empty_is_an_error_and_no_endless_training(monkeypatch):
+    step = Trainer.step
+
+    def nothing_visited(trainer, pool, fraction):
+        step(trainer, pool, fraction)
+        trainer.samples_done = 0
+
+    monkeypatch.setattr(Trainer, "step", nothing_visited)
+    with pytest.raises(FacadeError, match="has become empty"):
+        fit()
 
 
 def test_photos_that_see_nothing_are_named():

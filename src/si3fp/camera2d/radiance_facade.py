@@ -109,9 +109,10 @@ def render_radiance(
         f"radiance field: {len(report.photos)} photos, {report.samples / 1e6:.1f} million samples, "
         f"stopped by {report.stopped}"
     ]
-    return RenderedFacade(
-        covered(ortho, mosaic.min_photos), lattices, report.held_out_psnr_db, tuple(notes)
-    )
+    psnr_db = report.held_out_psnr_db
+    if psnr_db is not None and not np.isfinite(psnr_db):  # no ray of that photo meets the field
+        psnr_db = None
+    return RenderedFacade(covered(ortho, mosaic.min_photos), lattices, psnr_db, tuple(notes))
 
 
 def _resized(lattice: BoolLattice, shape: tuple[int, ...]) -> BoolLattice:

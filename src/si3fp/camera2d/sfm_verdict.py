@@ -129,7 +129,8 @@ def judge(
         own = [name for name in model.photo_ids if name not in models[0].photo_ids]
         line = (
             f"{span(names, [names.index(name) for name in own or model.photo_ids])} form a model "
-            f"of their own ({model.folder}) with unknown size and position to the first. Take "
+            f"of their own (models/{model.folder.name} beside the database) with unknown size and "
+            "position to the first. Take "
             "photos that show both parts, each repeating half of the one before, or run this "
             "group as a folder of its own."
         )

@@ -55,7 +55,7 @@ def train(trainer: Trainer, progress: Progress | None) -> FitReport:
     Raises
     ------
     FacadeError
-        If the colour error is not a number any more.
+        If the colour error is not a number any more, or nothing is left of the field.
     """
     config, photos, budget = trainer.config, trainer.photos, trainer.budget
     stopped, history, next_check = "samples", [], CHECK_EVERY
@@ -75,7 +75,14 @@ def train(trainer: Trainer, progress: Progress | None) -> FitReport:
                     if len(history) > 2 and history[-1] < history[-3] + config.converged_db:
                         stopped, next_check = "converged", np.inf
                         budget = int(trainer.samples_done / config.decay_from)
+                before = trainer.samples_done
                 trainer.step(pool, fraction)
+                if trainer.samples_done == before:
+                    raise FacadeError(
+                        f"The radiance field has become empty after {trainer.steps_done} steps: "
+                        "the photos agree on nothing near the wall. Check the poses and the scale, "
+                        "or use --renderer mosaic."
+                    )
                 if not np.isfinite(trainer.error):
                     raise FacadeError(
                         f"The radiance field broke down after {trainer.steps_done} steps: its "
