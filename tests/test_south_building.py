@@ -13,7 +13,7 @@ from tests.annotated import align, annotated_facades, annotation, facades_in_tru
 
 from si3fp import steps
 from si3fp.config import PhotoConfig
-from si3fp.errors import ReconstructionError
+from si3fp.errors import InputError
 from si3fp.evaluate import evaluate
 from si3fp.pipeline import run_photos
 from si3fp.workspace import Workspace
@@ -41,7 +41,7 @@ def truth():
 @pytest.fixture(scope="module")
 def poses(photos, tmp_path_factory):
     """What structure from motion finds, once for all runs."""
-    sources = steps.collect_photos(steps.PhotoFiles(folder=photos), MOSAIC)
+    sources = steps.collect_photos(steps.PhotoFiles(folder=photos, unscaled=True), MOSAIC)
     workspace = Workspace(tmp_path_factory.mktemp("south") / "SFM")
     return steps.find_poses(sources, workspace, MOSAIC, lambda *_: None)
 
@@ -76,9 +76,9 @@ def result(found, truth):
     return evaluate(found, annotated_facades(truth))
 
 
-def test_without_a_scale_the_error_names_what_gives_one(go, photos):
-    with pytest.raises(ReconstructionError) as error:
-        go(steps.PhotoFiles(folder=photos))
+def test_without_a_scale_the_error_names_what_gives_one(photos, tmp_path):
+    with pytest.raises(InputError) as error:
+        run_photos(steps.PhotoFiles(folder=photos), tmp_path / "RUN", MOSAIC)
     for option in ("--triangle", "GPS", "--cameras", "--unscaled"):
         assert option in str(error.value)
 
