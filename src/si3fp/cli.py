@@ -8,6 +8,7 @@ are not ready, 130 interrupted.
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn, TypeVar
@@ -44,6 +45,34 @@ a_path = click.Path(path_type=Path)
 Config = TypeVar("Config", StreetConfig, PhotoConfig)
 
 
+RUN_OPTIONS = (
+    click.option("--footprints", type=a_path, help="Footprints: GeoJSON or GeoPackage."),
+    click.option(
+        "--column",
+        "columns",
+        multiple=True,
+        metavar="NAME=SPELLING",
+        help="Another spelling of a footprint property, for example height_m=HOEHE.",
+    ),
+    click.option("--m-per-px", type=float, help="Resolution of the facades (default 0.02)."),
+    click.option("--country", help="Country of the thermal tables (default SE)."),
+    click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True),
+    click.option("--no-recess-correction", is_flag=True, help="Leave window edges as they appear."),
+    click.option(
+        "--no-inferred", is_flag=True, help="Add no windows that only rows and columns tell."
+    ),
+    click.option("--overwrite", is_flag=True, help="Replace what the folder holds."),
+)
+"""Options of every verb that makes a run."""
+
+
+def run_options(verb: Callable[..., None]) -> Callable[..., None]:
+    """The verb with `RUN_OPTIONS`, in that order in its help."""
+    for option in reversed(RUN_OPTIONS):
+        verb = option(verb)
+    return verb
+
+
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(si3fp.__version__, prog_name="si3fp")
 def verbs() -> None:
@@ -52,24 +81,11 @@ def verbs() -> None:
 
 @verbs.command()
 @click.argument("panoramas", type=a_path)
-@click.option("--footprints", type=a_path, help="Footprints: GeoJSON or GeoPackage.")
 @click.option("-o", "--out", type=a_path, required=True, help="Folder of the run.")
 @click.option("--lat", type=float, help="Centre of the neighbourhood, with --lon and --radius-m.")
 @click.option("--lon", type=float)
 @click.option("--radius-m", type=float)
-@click.option(
-    "--column",
-    "columns",
-    multiple=True,
-    metavar="NAME=SPELLING",
-    help="Another spelling of a footprint property, for example height_m=HOEHE.",
-)
-@click.option("--m-per-px", type=float, help="Resolution of the facades (default 0.02).")
-@click.option("--country", help="Country of the thermal tables (default SE).")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
-@click.option("--no-recess-correction", is_flag=True, help="Leave window edges as they appear.")
-@click.option("--no-inferred", is_flag=True, help="Add no windows that only rows and columns tell.")
-@click.option("--overwrite", is_flag=True, help="Replace what the folder holds.")
+@run_options
 def street(
     panoramas: Path,
     footprints: Path | None,
@@ -118,14 +134,6 @@ def street(
     metavar="LAT LON HEIGHT",
     help="Where the known cameras' frame has its zero, x being east and y north.",
 )
-@click.option("--footprints", type=a_path, help="Footprints: GeoJSON or GeoPackage.")
-@click.option(
-    "--column",
-    "columns",
-    multiple=True,
-    metavar="NAME=SPELLING",
-    help="Another spelling of a footprint property, for example height_m=HOEHE.",
-)
 @click.option("--unscaled", is_flag=True, help="Go on without a scale: ratios and pictures only.")
 @click.option(
     "--renderer",
@@ -141,12 +149,7 @@ def street(
     show_default=True,
     help="How COLMAP finds the poses.",
 )
-@click.option("--m-per-px", type=float, help="Resolution of the facades (default 0.02).")
-@click.option("--country", help="Country of the thermal tables (default SE).")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
-@click.option("--no-recess-correction", is_flag=True, help="Leave window edges as they appear.")
-@click.option("--no-inferred", is_flag=True, help="Add no windows that only rows and columns tell.")
-@click.option("--overwrite", is_flag=True, help="Replace what the folder holds.")
+@run_options
 def photos(
     folder: Path,
     check: bool,

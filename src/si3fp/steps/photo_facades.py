@@ -11,7 +11,6 @@ import numpy as np
 
 from si3fp.camera2d.facade_plane import FacadePlane
 from si3fp.camera2d.mosaic import MosaicRendering, render_mosaic
-from si3fp.camera2d.radiance_facade import render_radiance
 from si3fp.camera2d.render import RenderedFacade, facade_grid
 from si3fp.config import FacadeBoxConfig, OrthoConfig, PhotoConfig
 from si3fp.errors import FacadeError, InputError
@@ -63,6 +62,9 @@ def find_photo_facade(
             rendered: RenderedFacade | None = None
             if config.renderer == "radiance":
                 step = "render"
+                # numba takes long to load, and every other verb goes without it.
+                from si3fp.camera2d.radiance_facade import render_radiance  # noqa: PLC0415
+
                 with timed("C.3 radiance"):
                     rendered = render_radiance(
                         plane,
