@@ -1,0 +1,1 @@
+"""Photoreal housing estates with exact truth: plans, meshes, renders and the files of a user."""
