@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
-
 from benchmarks.estate.plan import Rgb
+from numpy.typing import NDArray
 
 MaterialKind = Literal["diffuse", "plastic", "metal", "glass", "leaf", "light"]
 
@@ -21,7 +20,7 @@ class Material:
     Attributes
     ----------
     kind
-        ``diffuse``; ``plastic`` (coloured with a glossy coat: paint, car bodies); ``metal`` (rough);
+        ``diffuse``; ``plastic`` (coloured, with a glossy coat: paint, cars); ``metal`` (rough);
         ``glass`` (a thin pane that reflects and lets through); ``leaf`` (diffuse from both sides,
         partly through); ``light`` (emits ``rgb``).
     rgb
