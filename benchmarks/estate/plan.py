@@ -107,8 +107,8 @@ class Behind:
 class Opening:
     """A window, balcony door or door; the box is the frame's outer edge, so the truth's aperture.
 
-    ``recess_m`` is the distance from the outer face of its wall to the glass. ``depth_m`` is how far
-    the surface that holds it lies behind the wall's plane: 0, or the depth of its loggia.
+    ``recess_m`` is the distance from the outer face of its wall to the glass. ``depth_m`` is how
+    far the surface that holds it lies behind the wall's plane: 0, or the depth of its loggia.
     """
 
     kind: OpeningKind
