@@ -103,7 +103,7 @@ def test_balconies_are_stated_or_seen_by_their_doors() -> None:
     content = model(
         wall("a", door, user_data={"facade_id": "a-0"}),
         wall("b", user_data={"facade_id": "a-1", "balconies": True}),
-        wall("c", door, user_data={"facade_id": "a-2", "balconies": False}),
+        wall("c", door, user_data={"facade_id": "a-2", "balcony": False}),
         wall("d", user_data={"facade_id": "a-3"}),
     )
     assert read_facades(content).balcony_facades == {"a-0", "a-1"}

@@ -40,7 +40,7 @@ class ModelFacades:
     buildings
         The building of every facade, by facade id.
     balcony_facades
-        Ids of facades whose walls say ``user_data.balconies``, or else that have a balcony door.
+        Ids of facades whose walls say ``user_data.balcony``, or else that have a balcony door.
     missing
         Walls that a run marked as missing, with its reason, by facade id; they are no facades.
     notes

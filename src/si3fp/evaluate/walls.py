@@ -128,7 +128,7 @@ def _part(face: Json, metres_per_unit: float, building_id: str | None, whole: st
     data = face.get("user_data") or {}
     facade_id = data.get("facade_id")
     owner = whole if facade_id is None else building_of(str(facade_id), whole)
-    balconies = data.get("balconies")
+    balconies = data.get("balcony", data.get("balconies"))
     return WallPart(
         None if facade_id is None else str(facade_id),
         str(building_id) if building_id is not None else owner,
