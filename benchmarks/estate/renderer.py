@@ -1,0 +1,206 @@
+"""Pictures of an estate as seen by any camera: linear radiance and depth."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from benchmarks.estate.light import SkyMap, sky_map
+from benchmarks.estate.parts import Parts
+from benchmarks.estate.plan import Light
+from benchmarks.estate.rays import Camera
+from numpy.typing import NDArray
+
+from si3fp.errors import MissingDependencyError
+from si3fp.geometry.enu import GeoOrigin
+
+FloatArray = NDArray[np.float64]
+BATCH_RAYS = 1 << 21  # always this many at once: one shape of work, bounded memory
+STEP = np.array([0.7548776662466927, 0.5698402909980532])  # R2 sequence (Roberts, 2018)
+BACK_M = 0.02  # a place counts as seen where nothing lies more than this before it
+LLVM_NAMES = tuple(f"libLLVM{name}" for name in (".so.2*", ".so.1[6-9]*", "-2*.so*", "-1[6-9].so*"))
+LLVM_FOLDERS = ("/usr/lib", "/usr/lib64", "/usr/local/lib", "/opt/homebrew/opt/llvm/lib")
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """A picture: radiance (H, W, 3) float32 linear, depth_m (H, W) along the ray, inf where none.
+
+    ``seen`` (H, W) is what was rendered; elsewhere radiance is 0 and depth infinite. A white wall
+    that faces a high summer sun has a radiance of about 0.3.
+    """
+
+    radiance: NDArray[np.float32]
+    depth_m: NDArray[np.float32]
+    seen: NDArray[np.bool_]
+
+
+def _llvm_library() -> Path | None:
+    """The newest LLVM (16 or later) in the usual places."""
+    found = []
+    for folder in map(Path, LLVM_FOLDERS):
+        for name in LLVM_NAMES:
+            found += [*folder.glob(name), *folder.glob(f"*-linux-gnu/{name}")]
+            found += folder.glob(f"llvm-*/lib/{name}")
+    return max(found, key=lambda path: path.name, default=None)
+
+
+def mitsuba(variant: str | None = None) -> Any:
+    """The module ``mitsuba`` with a variant chosen: CUDA where it works, else LLVM."""
+    try:
+        import mitsuba as mi  # noqa: PLC0415
+    except ImportError as error:
+        raise MissingDependencyError(
+            "The renderer needs mitsuba; install it with: pip install 'si3fp[estate]'"
+        ) from error
+    if variant is None and mi.variant() in ("cuda_ad_rgb", "llvm_ad_rgb"):
+        return mi
+    if "DRJIT_LIBLLVM_PATH" not in os.environ and (library := _llvm_library()):
+        os.environ["DRJIT_LIBLLVM_PATH"] = str(library)
+    for name in (variant,) if variant else ("cuda_ad_rgb", "llvm_ad_rgb"):
+        try:
+            mi.set_variant(name)
+            mi.Float(0) + mi.Float(mi.UInt32([1]))
+        except (ImportError, RuntimeError, AttributeError):
+            continue
+        return mi
+    raise MissingDependencyError(
+        "Neither a CUDA device nor LLVM 16 or later was found. On Debian and Ubuntu: "
+        "apt-get install libllvm19; elsewhere set DRJIT_LIBLLVM_PATH to libLLVM's file."
+    )
+
+
+class Renderer:
+    """An estate on the device, ready for any number of cameras."""
+
+    def __init__(
+        self,
+        parts: Parts,
+        light: Light | SkyMap,
+        origin: GeoOrigin,
+        variant: str | None = None,
+    ) -> None:
+        self.mi = mitsuba(variant)
+        from benchmarks.estate import paths  # noqa: PLC0415
+
+        self._paths = paths
+        self._opaque, self._glass, self._surfaces = paths.scene_of(self.mi, parts)
+        sky = light if isinstance(light, SkyMap) else sky_map(light, origin)
+        mi = self.mi
+        self._sky = paths.Sky(
+            sky.rgb.shape[1],
+            sky.rgb.shape[0],
+            mi.Float(np.ascontiguousarray(sky.rgb, np.float32).ravel()),
+            mi.Vector3f(sky.sun_direction),
+            mi.Color3f(sky.sun_rgb),
+            mi.Float(np.sin(np.deg2rad(sky.sun_radius_deg))),
+        )
+
+    def render(
+        self,
+        camera: Camera,
+        samples: int,
+        seed: int,
+        *,
+        denoise: bool = True,
+        max_depth: int = 6,
+    ) -> Rendered:
+        """The picture with ``samples`` paths per pixel, each of at most ``max_depth`` hits."""
+        height, width = camera.height_px, camera.width_px
+        seen = np.ones((height, width), bool) if camera.seen is None else camera.seen
+        places = np.flatnonzero(seen)
+        radiance, albedo, normal = (np.zeros((height * width, 3), np.float32) for _ in range(3))
+        depth_m = np.full(height * width, np.inf, np.float32)
+        step = max(1, BATCH_RAYS // samples)
+        for first in range(0, len(places), step):
+            some = places[first : first + step]
+            found = self._traced(camera, some, step, samples, seed, max_depth)
+            for picture, values in zip((radiance, albedo, normal), found, strict=True):
+                picture[some] = values
+        for first in range(0, len(places), BATCH_RAYS):
+            some = places[first : first + BATCH_RAYS]
+            middle = np.stack([some % width + 0.5, some // width + 0.5], axis=1)
+            depth_m[some] = self.depth_m(*camera.rays(middle))
+        shape = (height, width, 3)
+        return Rendered(radiance.reshape(shape), depth_m.reshape(height, width), seen)
+
+    def _traced(
+        self, camera: Camera, places: Any, step: int, samples: int, seed: int, max_depth: int
+    ) -> list[NDArray[np.float32]]:
+        """Mean radiance, albedo and normal of some pixels; always ``step`` of them are traced."""
+        import drjit as dr  # noqa: PLC0415
+
+        mi = self.mi
+        count = len(places)
+        places = np.concatenate([places, np.repeat(places[-1:], step - count)])
+        corner = np.stack([places % camera.width_px, places // camera.width_px], axis=1)
+        shift = _shift(places, seed)
+        inside = (shift[:, None, :2] + np.arange(samples)[None, :, None] * STEP) % 1
+        pixels = (corner[:, None] + inside).reshape(-1, 2)
+        origins, directions = camera.rays(pixels)
+        pixel = mi.UInt32(places.astype(np.uint32))
+        each = dr.arange(mi.UInt32, step * samples)
+        index, sample = each // samples, each % samples
+        number = dr.gather(mi.UInt32, pixel, index)
+        rng = mi.PCG32(
+            initstate=mi.UInt64(number) * 4096 + mi.UInt64(sample),
+            initseq=mi.UInt64(mi.UInt32([seed & 0xFFFFFFFF])),
+        )
+        shifts = [
+            dr.gather(mi.Float, mi.Float(np.float32(shift[:, k])), index) for k in (2, 3, 4, 5)
+        ]
+        found = self._paths.traced(
+            mi,
+            self._opaque,
+            self._glass,
+            self._surfaces,
+            self._sky,
+            mi.Point3f(*(mi.Float(np.float32(origins[:, k])) for k in range(3))),
+            mi.Vector3f(*(mi.Float(np.float32(directions[:, k])) for k in range(3))),
+            sample,
+            shifts,
+            rng,
+            mi.UInt32([max_depth]),
+        )
+        mean = [dr.block_sum(channel, samples) / samples for value in found for channel in value]
+        dr.eval(mean)
+        flat = np.stack([np.array(channel)[:count] for channel in mean], axis=1)
+        return [flat[:, 0:3], flat[:, 3:6], flat[:, 6:9]]
+
+    def depth_m(self, origins: FloatArray, directions: FloatArray) -> NDArray[np.float32]:
+        """Distance (N,) to the first surface, glass included, along unit directions; inf if none."""
+        ray = self._ray(origins, directions, np.inf)
+        hits = [mesh.scene.ray_intersect_preliminary(ray) for mesh in (self._opaque, self._glass)]
+        return np.minimum(*(np.array(hit.t, np.float32) for hit in hits))
+
+    def visible(self, from_points: FloatArray, to_points: FloatArray) -> NDArray[np.bool_]:
+        """(N,) whether nothing, glass included, lies between two points (2 cm are spared)."""
+        way = to_points - from_points
+        length = np.linalg.norm(way, axis=1)
+        ray = self._ray(
+            from_points, way / np.maximum(length, 1e-9)[:, None], np.maximum(length - BACK_M, 0)
+        )
+        hits = [np.array(mesh.scene.ray_test(ray)) for mesh in (self._opaque, self._glass)]
+        return ~(hits[0] | hits[1])
+
+    def _ray(self, origins: FloatArray, directions: FloatArray, length: FloatArray | float) -> Any:
+        mi = self.mi
+        ray = mi.Ray3f(
+            mi.Point3f(*(mi.Float(np.float32(origins[:, k])) for k in range(3))),
+            mi.Vector3f(*(mi.Float(np.float32(directions[:, k])) for k in range(3))),
+        )
+        if np.ndim(length):
+            ray.maxt = mi.Float(np.float32(length))
+        return ray
+
+
+def _shift(places: NDArray[np.int64], seed: int) -> FloatArray:
+    """(N, 6) numbers in 0..1 that belong to a pixel and a seed, whatever the batch."""
+    state = places.astype(np.uint64)[:, None] * np.uint64(6) + np.arange(6, dtype=np.uint64)
+    state += np.uint64((seed * 0x9E3779B97F4A7C15) & 0xFFFFFFFFFFFFFFFF)
+    for factor in (0xBF58476D1CE4E5B9, 0x94D049BB133111EB):  # SplitMix64 (Steele et al., 2014)
+        state = (state ^ (state >> np.uint64(30))) * np.uint64(factor)
+    return (state >> np.uint64(40)) / float(1 << 24)
