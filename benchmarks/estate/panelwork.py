@@ -1,0 +1,144 @@
+"""Concrete elements of a storey's height: joints, speckle of the aggregate, tone by element."""
+
+from __future__ import annotations
+
+import numpy as np
+from benchmarks.estate.noise import Field
+from benchmarks.estate.plan import Finish, Opening
+from benchmarks.estate.sheet import FloatArray, Sheet, covered, smooth
+
+SEALANT_M = 0.020
+
+
+def element_joints(
+    width_m: float,
+    height_m: float,
+    plinth_m: float,
+    module_m: tuple[float, float],
+    openings: tuple[Opening, ...] = (),
+) -> tuple[FloatArray, FloatArray]:
+    """Places of the upright (K,) and of the level joints (L,) in metres, without the borders.
+
+    Upright joints divide the wall evenly, as near to the module as can be; one that would cut an
+    opening moves into the middle of the nearest gap. Level joints stand on the plinth; all of them
+    shift together where that cuts fewer openings.
+    """
+    count = max(1, round(width_m / module_m[0]))
+    upright = np.arange(1, count) * (width_m / count)
+    gaps = _gaps([(o.x_m, o.x_m + o.width_m) for o in openings], width_m)
+    upright = np.array([_moved(x, gaps, module_m[0] / 2) for x in upright])
+    upright = np.unique(np.round(upright, 3))
+
+    spans = np.array([(o.y_m, o.y_m + o.height_m) for o in openings]).reshape(-1, 2)
+    best, fewest = 0.0, np.inf
+    for shift in (0.0, -0.25, 0.25, -0.5, 0.5, -0.75, 0.75, -1.0, 1.0, 1.25):
+        levels = _levels(plinth_m + shift, module_m[1], plinth_m, height_m)
+        inside = (levels[:, None] > spans[:, 0]) & (levels[:, None] < spans[:, 1])
+        if inside.sum() < fewest:
+            best, fewest = shift, inside.sum()
+    return upright, _levels(plinth_m + best, module_m[1], plinth_m, height_m)
+
+
+def _levels(start_m: float, module_m: float, low_m: float, high_m: float) -> FloatArray:
+    first = np.ceil((low_m - start_m) / module_m - 1e-9)
+    levels = start_m + module_m * np.arange(first, first + 60)
+    return levels[(levels >= max(low_m, 0.05)) & (levels < high_m - 0.3)]
+
+
+def _gaps(spans: list[tuple[float, float]], width_m: float) -> list[tuple[float, float]]:
+    """Stretches of the wall's width that no opening on any storey covers."""
+    gaps, place = [], 0.0
+    for start, end in sorted(spans):
+        if start > place:
+            gaps.append((place, start))
+        place = max(place, end)
+    if place < width_m:
+        gaps.append((place, width_m))
+    return gaps
+
+
+def _moved(x_m: float, gaps: list[tuple[float, float]], most_m: float) -> float:
+    margin = 0.05
+    if any(start + margin <= x_m <= end - margin for start, end in gaps):
+        return x_m
+    middles = [(start + end) / 2 for start, end in gaps if end - start > 2 * margin]
+    near = [middle for middle in middles if abs(middle - x_m) <= most_m]
+    return min(near, key=lambda middle: abs(middle - x_m)) if near else x_m
+
+
+def panel(
+    sheet: Sheet,
+    finish: Finish,
+    openings: tuple[Opening, ...],
+    plinth_m: float,
+    rng: np.random.Generator,
+) -> Field:
+    """A wall of concrete elements (H, W, 3) float32 sRGB.
+
+    Surfaces are exposed aggregate, smooth painted concrete, or concrete ribbed upright.
+    """
+    surface = rng.choice(["aggregate", "smooth", "ribbed"], p=[0.55, 0.3, 0.15])
+    upright, level = element_joints(
+        sheet.width_m, sheet.height_m, plinth_m, finish.module_m, openings
+    )
+    column = np.searchsorted(upright, sheet.x_m)
+    row = np.searchsorted(level, sheet.y_m)
+    shape = (len(level) + 1, len(upright) + 1)
+    tone = rng.uniform(0.012, 0.035) * (rng.uniform(-1, 1, shape) + rng.uniform(-1, 1, shape))
+    light = 1 + tone.astype(np.float32)[row][:, column]
+    light += np.float32(0.016) * sheet.soft_clouds((0.7, 0.9), 3, rng)
+    light += _surface(surface, sheet, rng)
+    _stain_joints(light, sheet, upright, level, finish.weathering, rng)
+
+    joint_x = covered(upright - SEALANT_M / 2, upright + SEALANT_M / 2, sheet.x_edges_m)
+    joint_y = covered(level - SEALANT_M / 2, level + SEALANT_M / 2, sheet.y_edges_m)
+    hue = (rng.uniform(-1, 1, shape) * 0.006).astype(np.float32)[row][:, column]
+    sealant = np.array(finish.second_rgb, np.float32) * np.float32(0.55)
+    picture = np.empty((*light.shape, 3), np.float32)
+    for band, warm in enumerate((1.0, 0.0, -1.0)):
+        plane = light * np.float32(finish.rgb[band])
+        if warm:
+            plane += np.float32(warm) * hue
+        columns, rows = np.flatnonzero(joint_x), np.flatnonzero(joint_y)
+        plane[:, columns] += (sealant[band] - plane[:, columns]) * joint_x[columns]
+        plane[rows] += (sealant[band] - plane[rows]) * joint_y[rows, None]
+        picture[..., band] = plane
+    return picture
+
+
+def _surface(surface: str, sheet: Sheet, rng: np.random.Generator) -> Field:
+    if surface == "aggregate":
+        grain = sheet.grain(rng)
+        stones = np.float32(0.055) * grain * np.abs(grain) + np.float32(0.03) * grain
+        return stones + np.float32(0.025) * sheet.clouds(0.03, 1, rng)
+    fine = np.float32(0.02) * sheet.grain(rng) - np.float32(0.25) * sheet.specks(14.0, 0.004, rng)
+    fine += np.float32(0.012) * sheet.clouds(0.06, 2, rng)
+    if surface == "ribbed":
+        phase = np.mod(sheet.x_m, np.float32(0.08)) / np.float32(0.08)
+        groove = smooth(0.62, 0.70, phase) * smooth(1.0, 0.92, phase)
+        fine -= np.float32(0.10) * groove[None, :]
+    return fine
+
+
+def _stain_joints(
+    light: Field,
+    sheet: Sheet,
+    upright: FloatArray,
+    level: FloatArray,
+    weathering: float,
+    rng: np.random.Generator,
+) -> None:
+    """Darken beside the joints, and brighten the chipped arris next to some of them."""
+    coarse = sheet.coarser(0.02)
+    uneven = np.clip(0.6 + 0.5 * coarse.clouds((0.5, 0.5), 3, rng), 0.0, 1.6)
+    x_m, y_m = coarse.x_m, coarse.y_m
+    stain_x = np.zeros(len(x_m), np.float32)
+    for place in upright:
+        stain_x += np.exp(-np.abs(x_m - place) / rng.uniform(0.03, 0.10)) * rng.uniform(0.3, 1)
+    stain_y = np.zeros(len(y_m), np.float32)
+    for place in level:
+        below = np.exp(-(place - y_m) / rng.uniform(0.10, 0.30)) * (y_m <= place)
+        above = np.exp(-(y_m - place) / 0.04) * (y_m > place)
+        stain_y += ((below + 0.7 * above) * rng.uniform(0.5, 1)).astype(np.float32)
+    stain = np.minimum(stain_x[None, :] + stain_y[:, None], np.float32(1.2))
+    light *= 1 - sheet.fitted(np.float32(0.05 + 0.13 * weathering) * stain * uneven)
