@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import functools
 import os
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from benchmarks.estate.denoise import available, denoised
+from benchmarks.estate.device_scene import uploaded_parts, uploaded_sky
 from benchmarks.estate.light import SkyMap, sky_map
 from benchmarks.estate.parts import Parts
 from benchmarks.estate.plan import Light
@@ -20,6 +24,7 @@ from si3fp.geometry.enu import GeoOrigin
 FloatArray = NDArray[np.float64]
 BATCH_RAYS = 1 << 21  # always this many at once: one shape of work, bounded memory
 STEP = np.array([0.7548776662466927, 0.5698402909980532])  # R2 sequence (Roberts, 2018)
+WITHOUT_DENOISER = 4
 BACK_M = 0.02  # a place counts as seen where nothing lies more than this before it
 LLVM_NAMES = tuple(f"libLLVM{name}" for name in (".so.2*", ".so.1[6-9]*", "-2*.so*", "-1[6-9].so*"))
 LLVM_FOLDERS = ("/usr/lib", "/usr/lib64", "/usr/local/lib", "/opt/homebrew/opt/llvm/lib")
@@ -73,6 +78,17 @@ def mitsuba(variant: str | None = None) -> Any:
     )
 
 
+@functools.cache
+def denoiser_or_note() -> bool:
+    """Whether there is a denoiser; says once what happens without."""
+    if not available():
+        print(
+            f"No denoiser (package oidn): {WITHOUT_DENOISER} times as many samples are rendered.",
+            file=sys.stderr,
+        )
+    return available()
+
+
 class Renderer:
     """An estate on the device, ready for any number of cameras."""
 
@@ -84,20 +100,12 @@ class Renderer:
         variant: str | None = None,
     ) -> None:
         self.mi = mitsuba(variant)
-        from benchmarks.estate import paths  # noqa: PLC0415
+        from benchmarks.estate.paths import Tracer  # noqa: PLC0415
 
-        self._paths = paths
-        self._opaque, self._glass, self._surfaces = paths.scene_of(self.mi, parts)
         sky = light if isinstance(light, SkyMap) else sky_map(light, origin)
-        mi = self.mi
-        self._sky = paths.Sky(
-            sky.rgb.shape[1],
-            sky.rgb.shape[0],
-            mi.Float(np.ascontiguousarray(sky.rgb, np.float32).ravel()),
-            mi.Vector3f(sky.sun_direction),
-            mi.Color3f(sky.sun_rgb),
-            mi.Float(np.sin(np.deg2rad(sky.sun_radius_deg))),
-        )
+        opaque, glass, surfaces = uploaded_parts(self.mi, parts)
+        self._tracer = Tracer(self.mi, opaque, glass, surfaces, uploaded_sky(self.mi, sky))
+        self._scenes = (opaque.scene, glass.scene)
 
     def render(
         self,
@@ -110,6 +118,8 @@ class Renderer:
     ) -> Rendered:
         """The picture with ``samples`` paths per pixel, each of at most ``max_depth`` hits."""
         height, width = camera.height_px, camera.width_px
+        if denoise and not denoiser_or_note():
+            samples *= WITHOUT_DENOISER
         seen = np.ones((height, width), bool) if camera.seen is None else camera.seen
         places = np.flatnonzero(seen)
         radiance, albedo, normal = (np.zeros((height * width, 3), np.float32) for _ in range(3))
@@ -125,7 +135,10 @@ class Renderer:
             middle = np.stack([some % width + 0.5, some // width + 0.5], axis=1)
             depth_m[some] = self.depth_m(*camera.rays(middle))
         shape = (height, width, 3)
-        return Rendered(radiance.reshape(shape), depth_m.reshape(height, width), seen)
+        picture = radiance.reshape(shape)
+        if denoise and denoiser_or_note():
+            picture = denoised(picture, albedo.reshape(shape), normal.reshape(shape), seen)
+        return Rendered(picture, depth_m.reshape(height, width), seen)
 
     def _traced(
         self, camera: Camera, places: Any, step: int, samples: int, seed: int, max_depth: int
@@ -145,19 +158,12 @@ class Renderer:
         each = dr.arange(mi.UInt32, step * samples)
         index, sample = each // samples, each % samples
         number = dr.gather(mi.UInt32, pixel, index)
-        rng = mi.PCG32(
-            initstate=mi.UInt64(number) * 4096 + mi.UInt64(sample),
-            initseq=mi.UInt64(mi.UInt32([seed & 0xFFFFFFFF])),
-        )
+        hashed = mi.sample_tea_32(number, sample + mi.UInt32([(seed * 0x9E3779B9) & 0xFFFFFFFF]))
+        rng = mi.PCG32(initstate=mi.UInt64(hashed[0]), initseq=mi.UInt64(hashed[1]))
         shifts = [
             dr.gather(mi.Float, mi.Float(np.float32(shift[:, k])), index) for k in (2, 3, 4, 5)
         ]
-        found = self._paths.traced(
-            mi,
-            self._opaque,
-            self._glass,
-            self._surfaces,
-            self._sky,
+        found = self._tracer.traced(
             mi.Point3f(*(mi.Float(np.float32(origins[:, k])) for k in range(3))),
             mi.Vector3f(*(mi.Float(np.float32(directions[:, k])) for k in range(3))),
             sample,
@@ -171,9 +177,9 @@ class Renderer:
         return [flat[:, 0:3], flat[:, 3:6], flat[:, 6:9]]
 
     def depth_m(self, origins: FloatArray, directions: FloatArray) -> NDArray[np.float32]:
-        """Distance (N,) to the first surface, glass included, along unit directions; inf if none."""
+        """Distance (N,) to the first surface, glass too, along unit directions; inf if none."""
         ray = self._ray(origins, directions, np.inf)
-        hits = [mesh.scene.ray_intersect_preliminary(ray) for mesh in (self._opaque, self._glass)]
+        hits = [scene.ray_intersect_preliminary(ray) for scene in self._scenes]
         return np.minimum(*(np.array(hit.t, np.float32) for hit in hits))
 
     def visible(self, from_points: FloatArray, to_points: FloatArray) -> NDArray[np.bool_]:
@@ -183,7 +189,7 @@ class Renderer:
         ray = self._ray(
             from_points, way / np.maximum(length, 1e-9)[:, None], np.maximum(length - BACK_M, 0)
         )
-        hits = [np.array(mesh.scene.ray_test(ray)) for mesh in (self._opaque, self._glass)]
+        hits = [np.array(scene.ray_test(ray)) for scene in self._scenes]
         return ~(hits[0] | hits[1])
 
     def _ray(self, origins: FloatArray, directions: FloatArray, length: FloatArray | float) -> Any:
