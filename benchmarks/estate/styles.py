@@ -1,0 +1,62 @@
+"""Facades of many countries and times as plans; a seed and a number give one of them.
+
+The styles are drawn from memory of what such streets look like: they vary what a window detector
+sees, and claim nothing about any real building.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from benchmarks.estate.plan import rng_of
+from benchmarks.estate.styles_draft import FacadePlan
+from benchmarks.estate.styles_europe import (
+    canal_house,
+    gruenderzeit,
+    haussmann,
+    mediterranean,
+    roller_block,
+    terrace,
+)
+from benchmarks.estate.styles_modern import contemporary, curtain, gable, ribbon, works
+from benchmarks.estate.styles_north import functionalist, panel_block, slab, timber
+from benchmarks.estate.styles_world import clapboard, concrete_frame, tower, walk_up
+
+Style = Callable[[np.random.Generator, float, float], FacadePlan]
+
+STYLES: dict[str, tuple[Style, float]] = {
+    "slab": (slab, 3.0),
+    "functionalist": (functionalist, 2.0),
+    "timber": (timber, 1.0),
+    "panel_block": (panel_block, 1.5),
+    "haussmann": (haussmann, 1.5),
+    "gruenderzeit": (gruenderzeit, 2.5),
+    "terrace": (terrace, 1.2),
+    "mediterranean": (mediterranean, 1.5),
+    "roller_block": (roller_block, 2.0),
+    "canal_house": (canal_house, 0.8),
+    "walk_up": (walk_up, 1.2),
+    "clapboard": (clapboard, 0.7),
+    "tower": (tower, 1.2),
+    "concrete_frame": (concrete_frame, 1.0),
+    "ribbon": (ribbon, 1.0),
+    "curtain": (curtain, 0.8),
+    "contemporary": (contemporary, 2.0),
+    "works": (works, 0.8),
+    "gable": (gable, 0.8),
+}
+"""What draws a style from (rng, width budget m, height budget m), and how often it comes."""
+
+
+def facade_plan(seed: int, number: int, style: str | None = None) -> FacadePlan:
+    """The facade of a number: the same whatever else is drawn. ``style`` names one of ``STYLES``.
+
+    Walls are about 8 to 20 m wide and 6 to 17 m high: one picture's worth, or a little more.
+    """
+    rng = rng_of(seed, "facade", number)
+    names = list(STYLES)
+    weights = np.array([STYLES[name][1] for name in names])
+    drawn = names[int(rng.choice(len(names), p=weights / weights.sum()))]
+    draw, _ = STYLES[style or drawn]
+    return draw(rng, round(rng.uniform(9.0, 19.0), 2), round(rng.uniform(6.5, 16.5), 2))
