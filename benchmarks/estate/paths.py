@@ -19,7 +19,7 @@ from benchmarks.estate.lookups import blended, colour_of, sky_radiance
 
 GLASS_INDEX = 1.5
 LEAF_THROUGH = (0.75, 0.85, 0.45)  # of the leaf's colour; light that comes through is yellower
-LAMP_RADIANCE = 0.6  # of a white one; a white wall in full sun has about 0.3
+LAMP_RADIANCE = 0.15  # of a white one; a white wall in full sun has about 0.3
 BRIGHTEST = 6.0  # radiance of what is seen directly
 BRIGHTEST_INDIRECT = 1.0  # more than this by way of a rough surface is chance, not a picture
 ROUGHEST_MIRROR = 0.35  # what rough surfaces see of shiny ones is blurred: no caustics

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import functools
-import os
 import sys
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,18 +14,16 @@ from benchmarks.estate.light import SkyMap, sky_map
 from benchmarks.estate.parts import Parts
 from benchmarks.estate.plan import Light
 from benchmarks.estate.rays import Camera
+from benchmarks.estate.variant import mitsuba
 from numpy.typing import NDArray
 
-from si3fp.errors import MissingDependencyError
 from si3fp.geometry.enu import GeoOrigin
 
 FloatArray = NDArray[np.float64]
-BATCH_RAYS = 1 << 21  # always this many at once: one shape of work, bounded memory
+BATCH_RAYS = 1 << 21  # at once: about 0.5 GB
 STEP = np.array([0.7548776662466927, 0.5698402909980532])  # R2 sequence (Roberts, 2018)
 WITHOUT_DENOISER = 4
 BACK_M = 0.02  # a place counts as seen where nothing lies more than this before it
-LLVM_NAMES = tuple(f"libLLVM{name}" for name in (".so.2*", ".so.1[6-9]*", "-2*.so*", "-1[6-9].so*"))
-LLVM_FOLDERS = ("/usr/lib", "/usr/lib64", "/usr/local/lib", "/opt/homebrew/opt/llvm/lib")
 
 
 @dataclass(frozen=True)
@@ -41,41 +37,6 @@ class Rendered:
     radiance: NDArray[np.float32]
     depth_m: NDArray[np.float32]
     seen: NDArray[np.bool_]
-
-
-def _llvm_library() -> Path | None:
-    """The newest LLVM (16 or later) in the usual places."""
-    found = []
-    for folder in map(Path, LLVM_FOLDERS):
-        for name in LLVM_NAMES:
-            found += [*folder.glob(name), *folder.glob(f"*-linux-gnu/{name}")]
-            found += folder.glob(f"llvm-*/lib/{name}")
-    return max(found, key=lambda path: path.name, default=None)
-
-
-def mitsuba(variant: str | None = None) -> Any:
-    """The module ``mitsuba`` with a variant chosen: CUDA where it works, else LLVM."""
-    try:
-        import mitsuba as mi  # noqa: PLC0415
-    except ImportError as error:
-        raise MissingDependencyError(
-            "The renderer needs mitsuba; install it with: pip install 'si3fp[estate]'"
-        ) from error
-    if variant is None and mi.variant() in ("cuda_ad_rgb", "llvm_ad_rgb"):
-        return mi
-    if "DRJIT_LIBLLVM_PATH" not in os.environ and (library := _llvm_library()):
-        os.environ["DRJIT_LIBLLVM_PATH"] = str(library)
-    for name in (variant,) if variant else ("cuda_ad_rgb", "llvm_ad_rgb"):
-        try:
-            mi.set_variant(name)
-            mi.Float(0) + mi.Float(mi.UInt32([1]))
-        except (ImportError, RuntimeError, AttributeError):
-            continue
-        return mi
-    raise MissingDependencyError(
-        "Neither a CUDA device nor LLVM 16 or later was found. On Debian and Ubuntu: "
-        "apt-get install libllvm19; elsewhere set DRJIT_LIBLLVM_PATH to libLLVM's file."
-    )
 
 
 @functools.cache
@@ -102,7 +63,7 @@ class Renderer:
         self.mi = mitsuba(variant)
         from benchmarks.estate.paths import Tracer  # noqa: PLC0415
 
-        sky = light if isinstance(light, SkyMap) else sky_map(light, origin)
+        sky = light if isinstance(light, SkyMap) else sky_map(self.mi, light, origin)
         opaque, glass, surfaces = uploaded_parts(self.mi, parts)
         self._tracer = Tracer(self.mi, opaque, glass, surfaces, uploaded_sky(self.mi, sky))
         self._scenes = (opaque.scene, glass.scene)
@@ -127,7 +88,7 @@ class Renderer:
         step = max(1, BATCH_RAYS // samples)
         for first in range(0, len(places), step):
             some = places[first : first + step]
-            found = self._traced(camera, some, step, samples, seed, max_depth)
+            found = self._traced(camera, some, samples, seed, max_depth)
             for picture, values in zip((radiance, albedo, normal), found, strict=True):
                 picture[some] = values
         for first in range(0, len(places), BATCH_RAYS):
@@ -141,21 +102,19 @@ class Renderer:
         return Rendered(picture, depth_m.reshape(height, width), seen)
 
     def _traced(
-        self, camera: Camera, places: Any, step: int, samples: int, seed: int, max_depth: int
+        self, camera: Camera, places: Any, samples: int, seed: int, max_depth: int
     ) -> list[NDArray[np.float32]]:
-        """Mean radiance, albedo and normal of some pixels; always ``step`` of them are traced."""
+        """Mean radiance, albedo and normal (N, 3) of some pixels."""
         import drjit as dr  # noqa: PLC0415
 
         mi = self.mi
-        count = len(places)
-        places = np.concatenate([places, np.repeat(places[-1:], step - count)])
         corner = np.stack([places % camera.width_px, places // camera.width_px], axis=1)
         shift = _shift(places, seed)
         inside = (shift[:, None, :2] + np.arange(samples)[None, :, None] * STEP) % 1
         pixels = (corner[:, None] + inside).reshape(-1, 2)
         origins, directions = camera.rays(pixels)
         pixel = mi.UInt32(places.astype(np.uint32))
-        each = dr.arange(mi.UInt32, step * samples)
+        each = dr.arange(mi.UInt32, len(places) * samples)
         index, sample = each // samples, each % samples
         number = dr.gather(mi.UInt32, pixel, index)
         hashed = mi.sample_tea_32(number, sample + mi.UInt32([(seed * 0x9E3779B9) & 0xFFFFFFFF]))
@@ -171,9 +130,10 @@ class Renderer:
             rng,
             mi.UInt32([max_depth]),
         )
+        dr.eval(found)
         mean = [dr.block_sum(channel, samples) / samples for value in found for channel in value]
         dr.eval(mean)
-        flat = np.stack([np.array(channel)[:count] for channel in mean], axis=1)
+        flat = np.stack([np.array(channel) for channel in mean], axis=1)
         return [flat[:, 0:3], flat[:, 3:6], flat[:, 6:9]]
 
     def depth_m(self, origins: FloatArray, directions: FloatArray) -> NDArray[np.float32]:
