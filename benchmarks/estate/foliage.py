@@ -1,0 +1,200 @@
+"""Leaves and needles as triangles, hedges, and the colours of foliage by season."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from benchmarks.estate.parts import Material, Mesh, Parts
+from benchmarks.estate.plan import FloatArray, Hedge, Rgb, rng_of
+
+Season = Literal["spring", "summer", "autumn", "bare"]
+PALETTE = 16
+"""Colours of one kind of foliage; every leaf takes one."""
+LEAF_RGB: dict[str, dict[str, tuple[Rgb, Rgb]]] = {
+    "round": {
+        "spring": ((0.40, 0.50, 0.20), (0.52, 0.60, 0.27)),
+        "summer": ((0.22, 0.33, 0.12), (0.36, 0.46, 0.19)),
+        "autumn": ((0.62, 0.42, 0.12), (0.76, 0.60, 0.20)),
+    },
+    "birch": {
+        "spring": ((0.45, 0.54, 0.22), (0.56, 0.63, 0.30)),
+        "summer": ((0.28, 0.38, 0.15), (0.43, 0.52, 0.24)),
+        "autumn": ((0.72, 0.56, 0.14), (0.82, 0.69, 0.24)),
+    },
+    "shrub": {
+        "spring": ((0.36, 0.46, 0.20), (0.46, 0.54, 0.25)),
+        "summer": ((0.20, 0.30, 0.12), (0.34, 0.42, 0.18)),
+        "autumn": ((0.52, 0.24, 0.14), (0.62, 0.44, 0.18)),
+    },
+    "needles": {"summer": ((0.16, 0.24, 0.13), (0.28, 0.36, 0.20))},
+}
+
+
+def season_of(date: str) -> Season:
+    """What trees look like in Sweden on a day (ISO 8601)."""
+    month, day = int(date[5:7]), int(date[8:10])
+    if (month, day) < (5, 5) or month >= 11:
+        return "bare"
+    if (month, day) < (5, 28):
+        return "spring"
+    return "summer" if month < 10 else "autumn"
+
+
+def leaf_material(kind: str, season: Season) -> tuple[str, Material]:
+    """Name and material of a kind's leaves; its texture is a row of ``PALETTE`` colours."""
+    seasons = LEAF_RGB[kind]
+    name = season if season in seasons else "summer"
+    dark, light = (np.array(rgb) for rgb in seasons[name])
+    rng = rng_of(0, "leaves", kind, name)
+    share = np.linspace(0, 1, PALETTE)[:, None]
+    colours = dark * (1 - share) + light * share + rng.normal(0, 0.015, (PALETTE, 3))
+    texture = np.repeat(np.clip(colours * 255, 0, 255).astype(np.uint8)[None], 4, axis=0)
+    # Every colour is four texels wide: filters never mix two of them in the middle.
+    return f"leaf-{kind}-{name}", Material("leaf", texture=np.repeat(texture, 4, axis=1))
+
+
+def leaves(
+    material: str,
+    places: FloatArray,
+    length_m: FloatArray,
+    normals: FloatArray,
+    rng: np.random.Generator,
+    *,
+    width: float = 0.7,
+    droop: float = 0.35,
+) -> Mesh:
+    """Folded rhombs, two triangles each, at places (N, 3) that face about along normals (N, 3)."""
+    count = len(places)
+    normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+    along = rng.normal(0, 1, (count, 3)) - [0, 0, droop]
+    along -= np.sum(along * normals, axis=1, keepdims=True) * normals
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+    side = np.cross(normals, along) * (width / 2 * length_m[:, None])
+    along = along * length_m[:, None]
+    fold = normals * (0.12 * length_m[:, None]) * rng.uniform(-0.3, 1.0, (count, 1))
+    corners = np.stack(
+        [
+            places,
+            places + 0.45 * along + side + fold,
+            places + along,
+            places + 0.45 * along - side + fold,
+        ],
+        axis=1,
+    )
+    starts = 4 * np.arange(count)[:, None, None]
+    faces = (starts + np.array([[0, 2, 1], [0, 3, 2]])).reshape(-1, 3)
+    return Mesh(
+        material,
+        corners.reshape(-1, 3).astype(np.float32),
+        faces.astype(np.int32),
+        _palette_uv(count, 4, rng),
+    )
+
+
+def needles(
+    material: str,
+    places: FloatArray,
+    directions: FloatArray,
+    rng: np.random.Generator,
+    each: int = 9,
+) -> Mesh:
+    """Tufts of long thin triangles around directions (N, 3) at places (N, 3)."""
+    count = len(places) * each
+    base = np.repeat(places, each, axis=0) + rng.normal(0, 0.03, (count, 3))
+    ahead = np.repeat(directions, each, axis=0) + rng.normal(0, 0.75, (count, 3)) + [0, 0, 0.25]
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    side = np.cross(ahead, rng.normal(0, 1, (count, 3)))
+    side /= np.linalg.norm(side, axis=1, keepdims=True)
+    length = rng.uniform(0.12, 0.24, (count, 1))
+    thick = 0.022
+    corners = np.stack([base - side * thick, base + side * thick, base + ahead * length], axis=1)
+    return Mesh(
+        material,
+        corners.reshape(-1, 3).astype(np.float32),
+        np.arange(3 * count, dtype=np.int32).reshape(-1, 3),
+        _palette_uv(count, 3, rng),
+    )
+
+
+def _palette_uv(count: int, corners: int, rng: np.random.Generator) -> FloatArray:
+    colour = np.clip(rng.normal(PALETTE / 2, PALETTE / 5, count), 0, PALETTE - 1).astype(int)
+    uv = np.stack([(colour + 0.5) / PALETTE, np.full(count, 0.5)], axis=1)
+    return np.repeat(uv, corners, axis=0).astype(np.float32)
+
+
+def hedge_parts(hedges: Sequence[Hedge], season: Season, seed: int) -> Parts:
+    """Clipped hedges: a dark core within a skin of small leaves, or of twigs where it is bare."""
+    parts = Parts()
+    if not hedges:
+        return parts
+    core_rgb = (0.10, 0.13, 0.06) if season != "bare" else (0.20, 0.16, 0.12)
+    parts.materials["hedge-core"] = Material("diffuse", core_rgb)
+    if season == "bare":
+        name, material = "hedge-twigs", Material("diffuse", (0.30, 0.24, 0.18))
+    else:
+        name, material = leaf_material("shrub", season)
+    parts.materials[name] = material
+    for number, hedge in enumerate(hedges):
+        rng = rng_of(seed, "hedge leaves", number)
+        points = np.array(hedge.line, np.float64)
+        for start, end in zip(points[:-1], points[1:], strict=True):
+            parts.meshes += _hedge_piece(name, start, end, hedge, season, rng)
+    return parts
+
+
+def _hedge_piece(
+    material: str,
+    start: FloatArray,
+    end: FloatArray,
+    hedge: Hedge,
+    season: Season,
+    rng: np.random.Generator,
+) -> list[Mesh]:
+    length = float(np.linalg.norm(end - start))
+    along = np.append((end - start) / length, 0.0)
+    side, up = np.array([-along[1], along[0], 0.0]), np.array([0, 0, 1.0])
+    size = np.array([length, hedge.width_m, hedge.height_m])
+    origin = np.append(start, 0.0) - side * hedge.width_m / 2
+    frame = np.stack([along, side, up])
+    meshes = [_box("hedge-core", origin, frame, size, inset=0.09)]
+    # Leaves on the five outer faces, by area: axis, which end, area.
+    faces = [(1, 0), (1, 1), (2, 1), (0, 0), (0, 1)]
+    per_m2 = 420 if season != "bare" else 260
+    for axis, upper in faces:
+        others = [k for k in range(3) if k != axis]
+        count = int(per_m2 * size[others[0]] * size[others[1]])
+        local = rng.uniform(0, 1, (count, 3)) * size
+        wave = 0.03 * np.sin(local[:, others[0]] * 2.1 + axis) + rng.normal(0, 0.022, count)
+        depth = np.abs(rng.normal(0, 0.045, count))
+        local[:, axis] = size[axis] + wave - depth if upper else -wave + depth
+        normal = np.zeros(3)
+        normal[axis] = 1.0 if upper else -1.0
+        world = origin + local @ frame
+        facing = (normal @ frame) * 0.7 + rng.normal(0, 0.55, (count, 3)) + [0, 0, 0.3]
+        thin = season == "bare"
+        meshes.append(
+            leaves(
+                material,
+                world,
+                rng.uniform(0.05, 0.075, count) * (2.4 if thin else 1.0),
+                facing,
+                rng,
+                width=0.08 if thin else 0.75,
+                droop=-1.0 if thin else 0.35,
+            )
+        )
+    return meshes
+
+
+def _box(
+    material: str, origin: FloatArray, frame: FloatArray, size: FloatArray, inset: float
+) -> Mesh:
+    bits = np.array([[i & 1, i >> 1 & 1, i >> 2] for i in range(8)], np.float64)
+    low, high = np.array([inset, inset, 0.0]), size - inset
+    vertices = origin + (low + bits * (high - low)) @ frame
+    quads = [(0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (4, 5, 7, 6)]
+    faces = [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))]
+    # Texture coordinates are unused but keep all foliage in the same groups.
+    return Mesh(material, vertices.astype(np.float32), np.array(faces, np.int32))

@@ -1,0 +1,93 @@
+"""Everything around the target buildings as meshes."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from benchmarks.estate.building_meshes import building_parts
+from benchmarks.estate.cars import car_parts
+from benchmarks.estate.foliage import hedge_parts, season_of
+from benchmarks.estate.ground import ROAD_Z_M, ground_parts
+from benchmarks.estate.parts import Material, Parts, joined
+from benchmarks.estate.plan import Estate, Tree, millimetres, rng_of
+from benchmarks.estate.solids import cylinder
+from benchmarks.estate.trees import tree_parts
+from shapely import Point, Polygon
+
+FINE_TREES_M = 45.0
+"""Trees beyond this distance of the targets are coarse."""
+NEIGHBOUR_TEXEL_M = 0.03
+WOOD_M = (150.0, 260.0)
+"""Distances of the wood that closes the horizon."""
+WOOD_TREES = 420
+
+
+def surroundings_parts(estate: Estate) -> Parts:
+    """Ground, neighbours, trees, hedges, cars and lamps of an estate."""
+    season = season_of(estate.light.date)
+    targets = shapely.union_all([Polygon(building.outline) for building in estate.buildings])
+    near = [tree for tree in estate.trees if targets.distance(Point(tree.place)) < FINE_TREES_M]
+    far = [tree for tree in estate.trees if targets.distance(Point(tree.place)) >= FINE_TREES_M]
+    parts = ground_parts(estate)
+    for neighbour in estate.neighbours:
+        parts.add(building_parts(neighbour, estate.seed, m_per_texel=NEIGHBOUR_TEXEL_M))
+    parts.add(tree_parts(near, season, estate.seed))
+    parts.add(tree_parts([*far, *_wood(estate)], season, estate.seed, coarse=True))
+    parts.add(hedge_parts(estate.hedges, season, estate.seed))
+    parts.add(car_parts(estate.cars, ROAD_Z_M, estate.seed))
+    parts.add(_lamp_parts(estate))
+    parts.meshes = joined(parts.meshes)
+    return parts
+
+
+def _wood(estate: Estate) -> list[Tree]:
+    """Trees all around, behind everything else."""
+    rng = rng_of(estate.seed, "wood")
+    corners = np.concatenate([building.outline for building in estate.buildings])
+    centre = (corners.min(0) + corners.max(0)) / 2
+    built = shapely.union_all([Polygon(b.outline).buffer(8) for b in estate.neighbours])
+    roads = shapely.union_all([shapely.LineString(s.line).buffer(8) for s in estate.streets])
+    trees = []
+    for number in range(WOOD_TREES):
+        angle = 2 * np.pi * (number + rng.uniform(0, 1)) / WOOD_TREES
+        radius = WOOD_M[0] + (WOOD_M[1] - WOOD_M[0]) * rng.uniform(0, 1) ** 1.5
+        place = centre + radius * np.array([np.cos(angle), np.sin(angle)])
+        tall = rng.uniform(11, 19)
+        pine = rng.uniform() < 0.5
+        if built.distance(Point(place)) > 0 and roads.distance(Point(place)) > 0:
+            trees.append(
+                Tree(
+                    (millimetres(place[0]), millimetres(place[1])),
+                    millimetres(tall),
+                    millimetres(tall * (0.45 if pine else 0.65)),
+                    "pine" if pine else "round",
+                )
+            )
+    return trees
+
+
+def _lamp_parts(estate: Estate) -> Parts:
+    """Posts with an arm over the road and a flat head."""
+    parts = Parts(
+        materials={
+            "lamp-post": Material("metal", (0.55, 0.57, 0.58), roughness=0.45),
+            "lamp-head": Material("plastic", (0.36, 0.37, 0.38), roughness=0.4),
+        }
+    )
+    roads = shapely.union_all([shapely.LineString(street.line) for street in estate.streets])
+    for lamp in estate.lamps:
+        foot = np.array([*lamp.place, 0.0])
+        ahead = shapely.get_coordinates(shapely.shortest_line(Point(lamp.place), roads))
+        over = np.append(ahead[1] - ahead[0], 0.0)
+        over /= np.linalg.norm(over)
+        top = foot + [0, 0, lamp.height_m]
+        arm = top + over * 0.7 + [0, 0, 0.12]
+        parts.meshes += [
+            cylinder("lamp-post", foot, foot + [0, 0, 1.1], 0.07, sides=14),
+            cylinder("lamp-post", foot + [0, 0, 1.1], top, 0.055, end_radius_m=0.04, sides=14),
+            cylinder("lamp-post", top, arm, 0.03, sides=10),
+            cylinder(
+                "lamp-head", arm - over * 0.1, arm + over * 0.5, 0.085, sides=14, end_radius_m=0.06
+            ),
+        ]
+    return parts
