@@ -58,9 +58,10 @@ class _Tones:
     def __init__(self, finish: Finish, rng: np.random.Generator) -> None:
         self.mortar = np.array(finish.second_rgb, np.float32) * np.float32(0.92)
         self.brick = np.array(finish.rgb, np.float32)
-        self.spread = rng.uniform(0.035, 0.075)
-        self.hue = rng.uniform(0.008, 0.022)
-        self.dark = rng.uniform(0.0, 0.08)
+        strong = float(np.ptp(self.brick))  # burnt clay varies more than grey or white brick
+        self.spread = rng.uniform(0.022, 0.040) + rng.uniform(0.02, 0.10) * strong
+        self.hue = rng.uniform(0.002, 0.005) + rng.uniform(0.01, 0.05) * strong
+        self.dark = rng.uniform(0.0, 0.20) * strong
 
     def bricks(self, shape: tuple[int, ...], rng: np.random.Generator) -> Field:
         """Colours (*shape, 3): most near the mean, a few fired dark."""

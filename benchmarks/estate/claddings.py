@@ -98,7 +98,7 @@ def metal(sheet: Sheet, finish: Finish, rng: np.random.Generator) -> Field:
     light += np.float32(0.010) * sheet.soft_clouds((2.0, 0.5), 3, rng)
     light += np.float32(0.012) * sheet.grain(rng)
     light += np.float32(0.014) * sheet.clouds((0.5, 0.03), 1, rng)
-    light -= np.float32(0.22) * sheet.specks(3.0, 0.012, rng)
+    light -= np.float32(0.12) * sheet.specks(2.0, 0.010, rng)
     tone = rng.uniform(-0.012, 0.012, len(laps_m) + 1).astype(np.float32)
     light += tone[np.searchsorted(laps_m, sheet.x_m)][None, :]
     return _coloured(light.astype(np.float32), finish.rgb)

@@ -8,6 +8,7 @@ from benchmarks.estate.plan import Finish, Opening
 from benchmarks.estate.sheet import FloatArray, Sheet, covered, smooth
 
 SEALANT_M = 0.020
+KEEP_OFF_M = 0.30  # between a joint and an opening, where there is room
 
 
 def element_joints(
@@ -20,7 +21,7 @@ def element_joints(
     """Places of the upright (K,) and of the level joints (L,) in metres, without the borders.
 
     Upright joints divide the wall evenly, as near to the module as can be; one that would cut an
-    opening moves into the middle of the nearest gap. Level joints stand on the plinth; all of them
+    opening moves beside it. Level joints stand on the plinth; all of them
     shift together where that cuts fewer openings.
     """
     count = max(1, round(width_m / module_m[0]))
@@ -58,12 +59,13 @@ def _gaps(spans: list[tuple[float, float]], width_m: float) -> list[tuple[float,
 
 
 def _moved(x_m: float, gaps: list[tuple[float, float]], most_m: float) -> float:
-    margin = 0.05
-    if any(start + margin <= x_m <= end - margin for start, end in gaps):
-        return x_m
-    middles = [(start + end) / 2 for start, end in gaps if end - start > 2 * margin]
-    near = [middle for middle in middles if abs(middle - x_m) <= most_m]
-    return min(near, key=lambda middle: abs(middle - x_m)) if near else x_m
+    """The nearest place that keeps off the openings; where none is near, the same place."""
+    places = []
+    for start, end in gaps:
+        margin = min(KEEP_OFF_M, (end - start) / 2)
+        places.append(float(np.clip(x_m, start + margin, end - margin)))
+    near = [place for place in places if abs(place - x_m) <= most_m]
+    return min(near, key=lambda place: abs(place - x_m)) if near else x_m
 
 
 def panel(
@@ -109,8 +111,8 @@ def panel(
 def _surface(surface: str, sheet: Sheet, rng: np.random.Generator) -> Field:
     if surface == "aggregate":
         grain = sheet.grain(rng)
-        stones = np.float32(0.055) * grain * np.abs(grain) + np.float32(0.03) * grain
-        return stones + np.float32(0.025) * sheet.clouds(0.03, 1, rng)
+        stones = np.float32(0.030) * grain * np.abs(grain) + np.float32(0.022) * grain
+        return stones + np.float32(0.020) * sheet.clouds(0.03, 1, rng)
     fine = np.float32(0.02) * sheet.grain(rng) - np.float32(0.25) * sheet.specks(14.0, 0.004, rng)
     fine += np.float32(0.012) * sheet.clouds(0.06, 2, rng)
     if surface == "ribbed":

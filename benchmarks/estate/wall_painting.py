@@ -80,7 +80,7 @@ def _plinth(picture: Field, wall: Wall, sheet: Sheet, rng: np.random.Generator) 
     light -= np.float32(0.25) * strip.specks(20.0, 0.007, rng)
     seams = np.arange(1, int(strip.height_m / 0.15) + 1) * 0.15
     light -= np.float32(0.06) * covered(seams, seams + 0.008, strip.y_edges_m)[:, None]
-    ragged = np.float32(wall.plinth_m) + np.float32(0.004) * strip.clouds((9.0, 0.15), 3, rng)
+    ragged = np.float32(wall.plinth_m) + np.float32(0.0015) * strip.clouds((9.0, 0.25), 3, rng)
     inside = smooth(0.012, -0.012, strip.y_m[:, None] - ragged)
     shadow = np.exp(-np.abs(strip.y_m - wall.plinth_m) / np.float32(0.012))[:, None]
     light *= 1 - np.float32(0.18) * shadow

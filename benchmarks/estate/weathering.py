@@ -55,9 +55,9 @@ def weathered(wall: Wall, sheet: Sheet, rng: np.random.Generator) -> Stains:
     runs = _runs(coarse, rng)
     dark, dirt = _sources(wall, coarse, rng)
     top = _from_above(coarse, wall.height_m, 0.9, 0.45)
-    dark += np.float32(0.5) * top
+    dark += np.float32(rng.uniform(0.1, 0.6)) * top
     stains.shade(1 + np.float32(0.018 * (1 + age)) * coarse.soft_clouds((2.5, 1.2), 4, rng))
-    stains.shade(1 - np.minimum(np.float32(0.34 * age) * dark * runs * patchy, 0.55))
+    stains.shade(1 - np.minimum(np.float32(0.30 * age) * dark * runs * patchy, 0.55))
     stains.cover(np.float32(0.20 * age) * dirt * patchy, SOOT)
     stains.cover(np.float32(0.10 * age) * _from_above(coarse, wall.height_m, 0.35, 1.0), SOOT)
     if wall.finish.kind == "brick":
@@ -97,7 +97,8 @@ def _pour(
     across = smooth(x0_m - 2 * soft_m, x0_m + soft_m, x_m)
     across *= smooth(x1_m + 2 * soft_m, x1_m - soft_m, x_m)
     down = np.exp((y - np.float32(y_m)) / np.float32(length_m))
-    field[rows, columns] += np.float32(strength) * down[:, None] * across[None, :]
+    start = smooth(0.0, 1.0, (np.float32(y_m) - y) / np.float32(soft_m * 2))
+    field[rows, columns] += np.float32(strength) * (down * start)[:, None] * across[None, :]
 
 
 def _sources(wall: Wall, sheet: Sheet, rng: np.random.Generator) -> tuple[Field, Field]:
@@ -112,7 +113,7 @@ def _sources(wall: Wall, sheet: Sheet, rng: np.random.Generator) -> tuple[Field,
         out = opening.style.sill_m
         if y > wall.plinth_m + 0.2:
             for end in (x0 - out / 2, x1 + out / 2):
-                strength = rng.uniform(0.2, 1.5)
+                strength = 1.7 * rng.random() ** 2  # few ends leak much
                 _pour(dark, sheet, end - 0.05, end + 0.05, y, reach * strength, strength, 0.03)
             _pour(dark, sheet, x0, x1, y, reach * 0.7, rng.uniform(0.1, 0.6))
             _pour(dirt, sheet, x0, x1, y, 0.05 + out, 0.5)
@@ -144,11 +145,13 @@ def _balcony(
     x0, x1 = balcony.x_m, balcony.x_m + balcony.width_m
     foot = balcony.y_m - balcony.slab_m
     for end in (x0, x1):
-        strength = rng.uniform(0.6, 1.8)
+        strength = rng.uniform(0.3, 1.5)
         reach = rng.uniform(0.5, 1.6)
         _pour(dark, sheet, end - 0.10, end + 0.10, balcony.y_m + 0.08, reach, strength, 0.05)
     if balcony.kind == "loggia":
-        _pour(dark, sheet, x0, x1, balcony.y_m, 0.6, rng.uniform(0.3, 0.9))
+        rows, columns = sheet.box(x0, balcony.y_m, x1, balcony.y_m + balcony.clear_m)
+        dark[rows, columns] *= np.float32(0.1)  # its back wall stays dry
+        _pour(dark, sheet, x0, x1, balcony.y_m, 0.6, rng.uniform(0.2, 0.7))
         return
     rows, columns = sheet.box(x0 + 0.1, foot - 1.6, x1 - 0.1, foot)
     dark[rows, columns] *= smooth(foot - 1.6, foot - 0.6, -sheet.y_m[rows] + 2 * foot - 1.6)[
