@@ -1,0 +1,217 @@
+"""The paper's tables with our rows below the paper's, as Markdown between two marks of a page."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+
+from benchmarks.tables import paper
+from benchmarks.tables.cases import Case, pictures_of
+from benchmarks.tables.cells import ABSENT, cell, lines_of, number, spread, verdict
+from benchmarks.tables.scores import Metrics, Scored, metrics, pooled, scored
+
+from si3fp.errors import InputError
+
+BEGIN, END = "<!-- estate tables: begin -->", "<!-- estate tables: end -->"
+METHODS = (
+    ("photos", False, paper.CAMERA, "photos"),
+    ("photos", True, None, "photos (Total)"),
+    ("street", False, paper.STREET, "street"),
+    ("street", True, paper.STREET_TOTAL, "street (Total)"),
+)
+"""Path, over all facades, the paper's name and ours."""
+OTHER, ALL, MEMORY = "files, report, start-up", "whole run", "peak memory (GiB)"
+
+
+def block(cases: Sequence[Case], command: str) -> str:
+    """All tables of the cases, with what they are and what is missing."""
+    rows, verdicts = _table_3(cases)
+    judged = sum(verdicts.values())
+    lines = [
+        f"Made by `{command}`.",
+        "",
+        "**The same kind of building and the same protocol, rendered: not the paper's buildings.** "
+        "Height, longest side and number of facades are the paper's; everything else is drawn by "
+        "the seed, and pictures are fewer and smaller than the paper's (below). Our rows are the "
+        "mean over seeds with the range in brackets: **bold** is better than the paper's row "
+        "above, *slanted* worse, at the digits shown; signed errors are judged by the mean of "
+        "their magnitudes. Totals of ours are pooled: micro over windows, mean over facades.",
+        "",
+        *lines_of(["building", "method", *(column.head for column in paper.COLUMNS)], rows),
+        "",
+        f"{verdicts['better']} of {judged} figures are better than the paper's, "
+        f"{verdicts['same']} equal, {verdicts['worse']} worse.",
+        "",
+        *lines_of(
+            ["building", "whose", "height (m)", "longest side (m)", "facades", "photos", "px",
+             "panoramas", "px", "facades missing (street)"],
+            _table_2(cases),
+        ),
+        "",
+        "Time per building, the mean over runs with the range; C.1 and S.1 of ours read files.",
+        "",
+        *lines_of(["step", f"paper ({paper.MACHINE})", "street", "photos"], _table_5(cases)),
+        "",
+        *_footnotes(cases),
+    ]  # fmt: skip
+    return "\n".join(lines).rstrip()
+
+
+def replaced(page: str, text: str) -> str:
+    """The page with the text between its two marks.
+
+    Raises
+    ------
+    InputError
+        If the page does not have each mark once, in order.
+    """
+    if page.count(BEGIN) != 1 or page.count(END) != 1 or page.index(BEGIN) > page.index(END):
+        raise InputError(
+            f"The page needs the lines {BEGIN} and {END} once each, in this order; the tables go "
+            "between them."
+        )
+    before, _, rest = page.partition(BEGIN)
+    return f"{before}{BEGIN}\n\n{text}\n\n{END}{rest.partition(END)[2]}"
+
+
+def _table_3(cases: Sequence[Case]) -> tuple[list[list[str]], Counter[str]]:
+    names = list(dict.fromkeys(case.building for case in cases))
+    paths = {case.path for case in cases}
+    rows: list[list[str]] = []
+    verdicts: Counter[str] = Counter()
+    for name in [*names, *([paper.TOTAL] if len(names) > 1 else [])]:
+        for path, total, theirs, ours in METHODS:
+            if path not in paths:
+                continue
+            found = _by_seed(cases, names if name == paper.TOTAL else [name], path, total=total)
+            known = paper.TABLE_3.get((name, theirs or ""), {})
+            # The paper has no totals of photos: a row of ours only where a facade is missing.
+            if theirs is None and not _misses(cases, name, path):
+                continue
+            if name == paper.TOTAL and set(names) != set(paper.BUILDINGS):
+                known = {}  # of other buildings
+            if known:
+                figures = [number(known.get(c.name), c) for c in paper.COLUMNS]
+                rows.append([name, f"paper, {theirs}", *figures])
+            cells = []
+            for column in paper.COLUMNS:
+                values = [m[column.name] for m in found]
+                plain = [value for value in values if value is not None]
+                cells.append(cell(plain, known.get(column.name), column))
+                judged = verdict(plain, known.get(column.name), column)
+                verdicts[judged or "none"] += 1
+            rows.append([name, f"ours, {ours}", *cells])
+    del verdicts["none"]
+    return rows, verdicts
+
+
+def _misses(cases: Sequence[Case], name: str, path: str) -> bool:
+    return any(
+        case.evaluation is not None and case.evaluation["missing_count"]
+        for case in cases
+        if case.path == path and name in (case.building, paper.TOTAL)
+    )
+
+
+def _by_seed(
+    cases: Sequence[Case], buildings: Sequence[str], path: str, *, total: bool
+) -> list[Metrics]:
+    """The pooled metrics of every seed of which all the buildings are there."""
+    parts: dict[int, list[Scored]] = {}
+    for case in cases:
+        if case.path == path and case.building in buildings and case.evaluation is not None:
+            parts.setdefault(case.seed, []).append(scored(case.evaluation, total=total))
+    return [
+        metrics(pooled(found), total=total)
+        for found in parts.values()
+        if len(found) == len(buildings)
+    ]
+
+
+def _table_2(cases: Sequence[Case]) -> list[list[str]]:
+    rows = []
+    for name in dict.fromkeys(case.building for case in cases):
+        own = [case for case in cases if case.building == name]
+        known = paper.TABLE_2.get(name)
+        if known is not None:
+            rows.append([
+                name, "paper", f"{known.height_m:.1f}", f"{known.longest_side_m:.1f}",
+                str(known.facades), str(known.images), known.image_px, str(known.panoramas),
+                known.panorama_px, f"{known.missing} ({100 * known.missing / known.facades:.1f} %)",
+            ])  # fmt: skip
+        truths = [case.evaluation for case in own if case.evaluation is not None]
+        sizes = [building for truth in truths for building in truth["buildings"]]
+        missing = [
+            case.evaluation["missing_count"]
+            for case in own
+            if case.path == "street" and case.evaluation is not None
+        ]
+        facades = [truth["facade_count"] for truth in truths]
+        share = 100 * sum(missing) / len(missing) / facades[0] if missing else None
+        rows.append([
+            name,
+            "ours",
+            spread([building["height_m"] for building in sizes], 1),
+            spread([building["longest_side_m"] for building in sizes], 1),
+            spread(facades, 0),
+            *_pictures(own, "photos"),
+            *_pictures(own, "panoramas"),
+            ABSENT if share is None else f"{spread(missing, 1)}, {share:.1f} %",
+        ])  # fmt: skip
+    return rows
+
+
+def _pictures(cases: Iterable[Case], kind: str) -> tuple[str, str]:
+    sets = {case.set_folder: case for case in cases}.values()
+    found = [pictures for case in sets if (pictures := pictures_of(case, kind)) is not None]
+    sizes = ", ".join(sorted({pictures.size_px for pictures in found}))
+    return spread([pictures.count for pictures in found], 0), sizes or ABSENT
+
+
+def _table_5(cases: Sequence[Case]) -> list[list[str]]:
+    known = dict(paper.TABLE_5)
+    steps: dict[str, dict[str, list[float]]] = {"street": {}, "photos": {}}
+    for case in cases:
+        if case.run is None or case.stage is None or not case.stage.done:
+            continue
+        own = Counter[str]()
+        for step, seconds in case.run["seconds"].items():
+            number_of_step = step.split()[0]
+            own[number_of_step if number_of_step in known else OTHER] += seconds
+        own[OTHER] += max(case.stage.seconds - sum(own.values()), 0.0)
+        own[ALL] = case.stage.seconds
+        own[MEMORY] = case.stage.peak_mib / 1024
+        for step, value in own.items():
+            steps[case.path].setdefault(step, []).append(value)
+    known[ALL] = f"{paper.WHOLE['street']} street, {paper.WHOLE['photos']} photos"
+    return [
+        [
+            step if step == MEMORY else f"{step} (s)",
+            known.get(step, ABSENT),
+            *(spread(steps[path].get(step, []), 1) for path in ("street", "photos")),
+        ]
+        for step in (*dict(paper.TABLE_5), OTHER, ALL, MEMORY)
+    ]
+
+
+def _footnotes(cases: Sequence[Case]) -> list[str]:
+    """Machines, rendering, versions, and what is missing."""
+    stages = [case.stage for case in cases if case.stage is not None and case.stage.done]
+    machines = sorted({stage.machine for stage in stages if stage.machine})
+    builds = {case.folder: case.build for case in cases if case.build is not None}
+    minutes = [build.seconds / 60 for build in builds.values() if build.done]
+    versions = sorted({case.run["si3fp_version"] for case in cases if case.run is not None})
+    renderers = sorted({case.renderer for case in cases if case.path == "photos"})
+    lines = []
+    if machines:
+        lines.append(f"Our machine: {'; '.join(machines)}. si3fp {', '.join(versions)}.")
+    if renderers:
+        lines.append(f"Renderer of the photos' path: {', '.join(renderers)}.")
+    if minutes:
+        lines.append(
+            f"Rendering a set took {spread(minutes, 0)} minutes where it was made in one go."
+        )
+    unfinished = [f"- {case.label}: {case.problem}" for case in cases if case.problem]
+    if unfinished:
+        lines += ["", "Not in the tables:", "", *unfinished]
+    return lines
