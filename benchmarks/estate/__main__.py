@@ -6,7 +6,6 @@ import sys
 from pathlib import Path
 
 import click
-from benchmarks.estate.specs import SPECS
 
 from si3fp.errors import Si3fpError
 
@@ -17,7 +16,7 @@ def main() -> None:
 
 
 @main.command("build")
-@click.argument("spec", type=click.Choice(list(SPECS)))
+@click.argument("spec")
 @click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True)
 @click.option("-o", "--output", type=click.Path(path_type=Path), required=True, metavar="DIR")
 @click.option("--size", type=click.Choice(["small", "full"]), default="small", show_default=True)
@@ -28,16 +27,31 @@ def main() -> None:
     help="Make this part alone; can be given twice. A later run adds the others.",
 )
 @click.option("--drone", is_flag=True, help="Photos from the air too.")
+@click.option(
+    "--data",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="CityGML files for SPEC ingolstadt:<file stem>.",
+)
 def build_command(
-    spec: str, seed: int, output: Path, size: str, only: tuple[str, ...], drone: bool
+    spec: str,
+    seed: int,
+    output: Path,
+    size: str,
+    only: tuple[str, ...],
+    drone: bool,
+    data: Path | None,
 ) -> None:
-    """Render the estate SPEC: panoramas, photos and truth, into DIR; finished pictures stay."""
+    """Render the estate SPEC: panoramas, photos and truth, into DIR; finished pictures stay.
+
+    SPEC is b1, b2, b3, slab, high-slab, point, small, street, or a surveyed building.
+    """
     from benchmarks.estate.build import PARTS, build  # noqa: PLC0415
     from benchmarks.estate.pictures import SIZES  # noqa: PLC0415
     from benchmarks.estate.specs import estate_of  # noqa: PLC0415
 
     parts = tuple(part for part in PARTS if not only or part in only)
-    estate = estate_of(spec, seed)
+    estate = estate_of(spec, seed, data)
     build(
         estate,
         output,

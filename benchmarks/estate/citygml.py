@@ -27,7 +27,6 @@ from benchmarks.estate.citygml_walls import (
 from benchmarks.estate.plan import (
     Building,
     Estate,
-    Light,
     Roof,
     Street,
     Wall,
@@ -35,6 +34,7 @@ from benchmarks.estate.plan import (
     rng_of,
 )
 from benchmarks.estate.site import with_surroundings
+from benchmarks.estate.specs import light_on
 
 from si3fp.errors import InputError
 from si3fp.geometry.enu import GeoOrigin
@@ -43,7 +43,8 @@ FOLDER = "lod3-ingolstadt"
 STOREY_M = 3.1
 ROAD_M = 7.0
 KERB_M = 9.0  # from the building to the road
-BEYOND_M = 90.0  # the road runs on past the building
+BEYOND_M = 95.0  # the road runs on past the building
+DRIVEN_BEYOND_M = 10.0  # and the vehicle
 
 
 @dataclass(frozen=True)
@@ -149,19 +150,15 @@ def ingolstadt_estate(stem: str, seed: int, folder: Path | None = None) -> Estat
         raise InputError(f"There is no building {stem!r} in {folder}; it has {there}.")
     reading = read_citygml(path, seed)
     street = _street(reading.buildings)
-    rng = rng_of(seed, stem, "light")
-    light = Light(
-        date=f"2024-{int(rng.integers(4, 10)):02d}-12",
-        hour_utc=float(rng.integers(7, 16)),
-        cloud=round(float(rng.uniform(0.1, 0.9)), 2),
-    )
+    driven = _driven(street, reading.buildings)
+    light = light_on(reading.buildings, (driven,), reading.origin, rng_of(seed, stem, "light"))
     return with_surroundings(
         f"ingolstadt-{stem}",
         seed,
         reading.origin,
         reading.buildings,
         (street,),
-        (street.line,),
+        (driven,),
         light=light,
         trees=0.6,
         hedges=0.4,
@@ -265,3 +262,13 @@ def _street(buildings: Sequence[Building]) -> Street:
     )
     first, last = (tuple(millimetres(v) for v in point) for point in ends)
     return Street((first, last), ROAD_M)
+
+
+def _driven(street: Street, buildings: Sequence[Building]) -> tuple[tuple[float, float], ...]:
+    """The part of a straight street along the buildings."""
+    start, end = (np.array(point) for point in street.line)
+    along = (end - start) / np.linalg.norm(end - start)
+    reach = (np.concatenate([building.outline for building in buildings]) - start) @ along
+    ends = (reach.min() - DRIVEN_BEYOND_M, reach.max() + DRIVEN_BEYOND_M)
+    points = (start + along * x for x in ends)
+    return tuple((millimetres(x), millimetres(y)) for x, y in points)

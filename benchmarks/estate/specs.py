@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from benchmarks.estate.buildings import Slab, b1, b2, b3, moved, point_block, slab_block, turned
@@ -198,16 +199,25 @@ _DRAFTS: dict[str, Callable[[int], _Draft]] = {
     "street": _street,
 }
 SPECS: tuple[str, ...] = tuple(_DRAFTS)
+SURVEYED = "ingolstadt:"
+"""Before the name of a surveyed building's file."""
 
 
-def estate_of(spec: str, seed: int) -> Estate:
+def estate_of(spec: str, seed: int, data: Path | None = None) -> Estate:
     """The estate of one of ``SPECS``; equal arguments give equal estates everywhere.
 
     The world's origin is the centroid of the target buildings; the estate lies near Gothenburg and
-    is turned by an angle of the seed.
+    is turned by an angle of the seed. ``ingolstadt:<file stem>`` is a real building from a CityGML
+    file in the folder ``data`` (by default ``lod3-ingolstadt`` in that of ``SI3FP_TEST_DATA``).
     """
+    if spec.startswith(SURVEYED):
+        from benchmarks.estate.citygml import ingolstadt_estate  # noqa: PLC0415, builds on this module
+
+        return ingolstadt_estate(spec.removeprefix(SURVEYED), seed, data)
     if spec not in _DRAFTS:
-        raise InputError(f"No estate is called {spec!r}; there are: {', '.join(SPECS)}.")
+        raise InputError(
+            f"No estate is called {spec!r}; there are: {', '.join(SPECS)}, {SURVEYED}<file stem>."
+        )
     draft = _DRAFTS[spec](seed)
     rng = rng_of(seed, spec, "place")
     turn_deg = float(rng.integers(3600)) / 10
