@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.estate.house_materials import fixed, matt, paint
 from benchmarks.estate.parts import Mesh, Parts
 from benchmarks.estate.plan import Balcony, Rgb
-from benchmarks.estate.solids import ball, box, boxes, cylinder, sheet
+from benchmarks.estate.solids import box, boxes, cylinder, leaves, sheet
 
 FrontKind = Literal["concrete", "sheet", "board"]
 _BAR_EVERY_M = 0.11
@@ -228,11 +228,13 @@ def _plant(x: float, y: float, z: float, size: float, rng: np.random.Generator) 
     parts.meshes.append(
         cylinder(pot, (x, y, z), (x, y + 0.25, z), 0.11, end_radius_m=0.14, sides=9)
     )
-    green = matt(parts, ((0.14, 0.24, 0.09), (0.20, 0.30, 0.12))[int(rng.integers(2))])
-    for _ in range(5):
-        radius = size * rng.uniform(0.07, 0.14, 3)
-        place = (x + rng.uniform(-0.1, 0.1), y + 0.25 + size * rng.uniform(0.08, 0.45), z)
-        parts.meshes.append(ball(green, place, radius, rings=3))
+    green = fixed(parts, ("leaf_hedge", "leaf_linden", "leaf_maple")[int(rng.integers(3))])
+    radii = size * rng.uniform(0.16, 0.26, 3)
+    middle = (x, y + 0.25 + 0.9 * radii[1], z)
+    parts.meshes.append(leaves(green, middle, radii, int(90 * size), 0.09, rng))
+    if size > 1.1:  # a small tree
+        crown = (x, y + 0.55 + 0.9 * radii[1], z)
+        parts.meshes.append(leaves(green, crown, radii * 1.2, int(90 * size), 0.09, rng))
     return parts
 
 
@@ -240,7 +242,7 @@ def _flower_box(balcony: Balcony, rng: np.random.Generator) -> Parts:
     """Flowers outside the rail."""
     parts = Parts()
     case = paint(parts, ((0.85, 0.85, 0.82), (0.24, 0.18, 0.14))[int(rng.integers(2))])
-    green = matt(parts, (0.18, 0.29, 0.11))
+    green = fixed(parts, "leaf_hedge")
     petals: tuple[Rgb, ...] = ((0.72, 0.10, 0.13), (0.80, 0.35, 0.52), (0.90, 0.88, 0.84))
     bloom = matt(parts, petals[int(rng.integers(3))])
     top, z = balcony.y_m + balcony.guard_m - 0.05, balcony.depth_m + 0.13
@@ -251,9 +253,7 @@ def _flower_box(balcony: Balcony, rng: np.random.Generator) -> Parts:
         if left + 0.8 > balcony.x_m + balcony.width_m:
             break
         parts.meshes.append(box(case, (left, top - 0.16, z - 0.08), (left + 0.8, top, z + 0.08)))
-        for _ in range(7):
-            place = (left + rng.uniform(0.05, 0.75), top + 0.05, z + rng.uniform(-0.04, 0.06))
-            parts.meshes.append(ball(green, place, rng.uniform(0.06, 0.11, 3), rings=3))
-            near = (place[0], place[1] + 0.06, place[2] + 0.05)
-            parts.meshes.append(ball(bloom, near, (0.035, 0.03, 0.035), rings=2))
+        middle = (left + 0.4, top + 0.03, z + 0.02)
+        parts.meshes.append(leaves(green, middle, (0.42, 0.13, 0.12), 70, 0.07, rng))
+        parts.meshes.append(leaves(bloom, middle, (0.42, 0.16, 0.14), 40, 0.045, rng))
     return parts

@@ -8,10 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from benchmarks.estate.house_materials import glow, matt, paint, slats
+from benchmarks.estate.house_materials import fixed, glow, matt, paint, slats
 from benchmarks.estate.parts import Mesh, Parts
 from benchmarks.estate.plan import Opening, Rgb
-from benchmarks.estate.solids import ball, box, cylinder, quad, sheet
+from benchmarks.estate.solids import ball, box, cylinder, leaves, quad, sheet
 from benchmarks.estate.wall_meshes import FRAME_BACK_M
 from shapely.geometry import Polygon
 from shapely.geometry import box as rectangle
@@ -68,7 +68,7 @@ def behind_parts(opening: Opening, room: Room, rng: np.random.Generator) -> Part
         board = paint(parts, (0.88, 0.87, 0.84))
         low = (opening.x_m - 0.04, opening.y_m - 0.02, room.near_z - 0.2)
         high = (opening.x_m + opening.width_m + 0.04, opening.y_m + 0.01, room.near_z)
-        parts.meshes.append(box(board, low, high))
+        parts.meshes.append(box(board, low, high, without="back"))
     glass_z = -opening.recess_m - opening.depth_m
     if behind.curtain > 0.02:
         parts.add(_curtains(opening, glass_z - _CURTAIN_BEHIND_M, rng))
@@ -105,7 +105,7 @@ def _room(opening: Opening, room: Room, rng: np.random.Generator) -> Parts:
     if light > 0:
         lamp = glow(parts, (1.0, 0.80, 0.52), light)
         x, z = (x0 + x1) / 2, (near + far) / 2
-        parts.meshes.append(ball(lamp, (x, y1 - 0.32, z), (0.2, 0.13, 0.2), rings=3))
+        parts.meshes.append(ball(lamp, (x, y1 - 0.32, z), (0.2, 0.13, 0.2), rings=5))
     return parts
 
 
@@ -115,7 +115,7 @@ def _hanging(
     """A cloth in soft folds."""
     width = x1 - x0
     folds = max(1, min(12, round(width / _FOLD_M)))
-    across = np.linspace(0, 1, 4 * folds + 1)
+    across = np.linspace(0, 1, 3 * folds + 1)
     phase = 2 * np.pi * folds * across + rng.uniform(0, 6.28)
     wave = 0.022 * np.sin(phase) + 0.008 * np.sin(0.37 * phase)
     points = np.zeros((2, len(across), 3))
@@ -184,9 +184,8 @@ def _things(opening: Opening, z: float, rng: np.random.Generator) -> Parts:
         parts.meshes.append(
             cylinder(pot, (x, y, z), (x, y + 0.11, z), 0.05, end_radius_m=0.065, sides=7)
         )
-        green = matt(parts, ((0.16, 0.26, 0.10), (0.22, 0.32, 0.14))[int(rng.integers(2))])
-        for _ in range(2):
-            size = rng.uniform(0.06, 0.12, 3) * (1.0, 1.3, 0.6)
-            place = (x + rng.uniform(-0.06, 0.06), y + 0.12 + size[1], z)
-            parts.meshes.append(ball(green, place, size, rings=3))
+        green = fixed(parts, ("leaf_hedge", "leaf_linden", "leaf_maple")[int(rng.integers(3))])
+        radii = rng.uniform(0.08, 0.15, 3) * (1.0, 1.2, 0.5)
+        middle = (x, y + 0.10 + 0.8 * radii[1], z)
+        parts.meshes.append(leaves(green, middle, radii, 22, 0.10, rng))
     return parts

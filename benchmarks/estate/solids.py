@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import shapely
 from benchmarks.estate.parts import Mesh
+from benchmarks.estate.textures import TILE_M
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.polygon import orient
@@ -18,9 +19,6 @@ from shapely.geometry.polygon import orient
 from si3fp.geometry.rigid import Rigid3
 
 FloatArray = NDArray[np.float64]
-TILE_M = 2.0
-"""Metres of surface that a repeating texture covers in both directions."""
-
 # A box's corners by (x, y, z) bit, and its faces counter-clockwise from outside.
 _CORNERS = np.array([[i & 1, i >> 1 & 1, i >> 2] for i in range(8)], bool)
 _SIDES = {
@@ -177,10 +175,13 @@ def cylinder(
     faces = [np.column_stack([index, after, after + sides])]
     faces.append(np.column_stack([index, after + sides, index + sides]))
     vertices, normals = [*rings], [round_, round_]
+    around = radius_m * angles
+    uv = [np.column_stack([around, np.full(sides, z)]) for z in (0.0, np.linalg.norm(high - low))]
     if caps:
         for ring, sign in ((rings[0], -1.0), (rings[1], 1.0)):
             begin = sum(len(v) for v in vertices)
             vertices.append(ring)
+            uv.append(np.zeros((sides, 2)))
             normals.append(np.tile(sign * direction, (sides, 1)))
             fan = begin + np.column_stack([np.zeros(sides - 2, int), index[1:-1], index[1:-1] + 1])
             faces.append(fan if sign > 0 else fan[:, ::-1])
@@ -188,7 +189,7 @@ def cylinder(
         material,
         np.concatenate(vertices).astype(np.float32),
         np.concatenate(faces).astype(np.int32),
-        None,
+        (np.concatenate(uv) / TILE_M).astype(np.float32),
         np.concatenate(normals).astype(np.float32),
     )
 
@@ -211,6 +212,28 @@ def ball(material: str, centre: ArrayLike, radii: ArrayLike, *, rings: int = 4) 
     normals = (unit / size).reshape(-1, 3)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return Mesh(material, mesh.vertices, mesh.faces[:, ::-1], None, normals.astype(np.float32))
+
+
+def leaves(
+    material: str,
+    centre: ArrayLike,
+    radii: ArrayLike,
+    count: int,
+    size_m: float,
+    rng: np.random.Generator,
+) -> Mesh:
+    """Leaves of four corners each, in any position, in an ellipsoid."""
+    place = rng.uniform(-1, 1, (count, 3))
+    place *= np.cbrt(rng.uniform(0.3, 1, (count, 1))) / np.linalg.norm(place, axis=1, keepdims=True)
+    middle = np.asarray(centre) + place * np.asarray(radii)
+    along = place + rng.normal(0, 0.7, (count, 3))
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    across = np.cross(along, rng.normal(0, 1, (count, 3)))
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    size = size_m * rng.uniform(0.7, 1.3, (count, 1))
+    tip, side = 0.5 * size * along, 0.28 * size * across
+    corners = np.stack([middle - tip, middle + side, middle + tip, middle - side], axis=1)
+    return _quads(material, corners, np.zeros((count, 4, 2)))
 
 
 def sheet(material: str, points: FloatArray, *, smooth: bool = False) -> Mesh:

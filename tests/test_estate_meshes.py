@@ -1,0 +1,284 @@
+"""Meshes of buildings against the plan that they come from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from benchmarks.estate.building_meshes import building_parts, wall_parts
+from benchmarks.estate.parts import Mesh, Parts
+from benchmarks.estate.plan import (
+    Balcony,
+    Behind,
+    Building,
+    Finish,
+    Opening,
+    Ornament,
+    Roof,
+    Wall,
+    WindowStyle,
+)
+from benchmarks.estate.roof_meshes import roof_parts, slopes_of
+from benchmarks.estate.room_meshes import behind_parts, room_of
+from benchmarks.estate.solids import ball, box, boxes, cylinder, plane, prism, sheet
+from benchmarks.estate.wall_meshes import opening_outline, skin_parts
+from shapely import Polygon
+from shapely.geometry import box as rectangle
+
+COARSE = 0.1  # m per texel: the pictures do not matter here
+
+
+def triangles(mesh: Mesh) -> np.ndarray:
+    return mesh.vertices[mesh.faces].astype(np.float64)
+
+
+def area_m2(mesh: Mesh) -> float:
+    a, b, c = np.moveaxis(triangles(mesh), 1, 0)
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+def volume_m3(meshes: list[Mesh]) -> float:
+    """Enclosed volume; positive where closed faces look outward (divergence theorem)."""
+    found = 0.0
+    for mesh in meshes:
+        a, b, c = np.moveaxis(triangles(mesh), 1, 0)
+        found += np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6
+    return float(found)
+
+
+def first_hit(parts: Parts, origin: np.ndarray, direction: np.ndarray) -> tuple[float, str]:
+    """Distance to the first triangle on a ray and its material (Moller and Trumbore, 1997)."""
+    best, name = np.inf, ""
+    for mesh in parts.meshes:
+        a, b, c = np.moveaxis(triangles(mesh), 1, 0)
+        edge1, edge2, to = b - a, c - a, origin - a
+        across = np.cross(direction, edge2)
+        scale = np.einsum("ij,ij->i", edge1, across)
+        crossed = np.abs(scale) > 1e-12
+        scale[~crossed] = 1.0
+        u = np.einsum("ij,ij->i", to, across) / scale
+        turned = np.cross(to, edge1)
+        v = turned @ direction / scale
+        t = np.einsum("ij,ij->i", edge2, turned) / scale
+        t[~(crossed & (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 1e-6))] = np.inf
+        if len(t) and t.min() < best:
+            best, name = float(t.min()), mesh.material
+    return best, name
+
+
+WINDOW = Opening("window", 1.0, 1.0, 1.4, 1.3, 0.12, WindowStyle((0.5, 0.5)))
+DOOR = Opening("door", 4.0, 0.2, 1.2, 2.1, 0.15, WindowStyle((0.7, 0.3), panel=0.3))
+INNER = Opening("balcony_door", 7.0, 3.0, 0.9, 2.1, 0.08, WindowStyle(panel=0.3), depth_m=1.4)
+LOGGIA = Balcony("loggia", 6.5, 3.0, 2.5, 1.4)
+WALL = Wall(
+    "w", (2.0, 1.0), (12.0, 1.0), 6.0, Finish("plaster", (0.7, 0.6, 0.5)), (WINDOW, DOOR, INNER),
+    (LOGGIA, Balcony("solid", 0.5, 3.2, 3.0, 1.4, things=True)),
+    (Ornament("pipe", 9.6, 0.0, 0.1, 6.0, 0.1, 0.04),),
+)  # fmt: skip
+
+
+def house(roof: Roof, *, openings: tuple[Opening, ...] = (WINDOW, DOOR)) -> Building:
+    corners = [(0.0, 0.0), (10.0, 0.0), (10.0, 8.0), (0.0, 8.0)]
+    finish = Finish("plaster", (0.7, 0.6, 0.5))
+    walls = tuple(
+        Wall(f"h-{i}", a, b, 6.0, finish, openings)
+        for i, (a, b) in enumerate(zip(corners, corners[1:] + corners[:1], strict=True))
+    )
+    return Building("h", walls, 6.0, 2, 2.8, 1965, roof)
+
+
+@pytest.fixture(scope="module")
+def whole() -> Parts:
+    return building_parts(house(Roof()), 3, m_per_texel=COARSE)
+
+
+def test_solids_enclose_their_volume_with_outward_faces() -> None:
+    assert volume_m3([box("m", (1, 2, 3), (2, 4, 6))]) == pytest.approx(6, rel=1e-5)
+    two = boxes("m", [(0, 0, 0), (5, 0, 0)], [(1, 1, 1), (6, 2, 1)])
+    assert volume_m3([two]) == pytest.approx(3, rel=1e-5)
+    round_ = cylinder("m", (0, 0, 0), (3, 0, 4), 0.5, sides=64)
+    assert volume_m3([round_]) == pytest.approx(np.pi * 0.25 * 5, rel=3e-3)
+    assert volume_m3([ball("m", (1, 1, 1), (1, 2, 3), rings=24)]) == pytest.approx(
+        4 / 3 * np.pi * 6, rel=2e-2
+    )
+    ring = rectangle(0, 0, 3, 3).difference(rectangle(1, 1, 2, 2))
+    assert volume_m3(prism("m", ring, 1.0, 1.5, with_back=True)) == pytest.approx(4, rel=1e-5)
+
+
+def test_smooth_normals_look_the_way_of_their_faces() -> None:
+    grid = np.stack(np.meshgrid(np.arange(5.0), np.arange(3.0)), axis=-1)
+    wave = sheet("m", np.dstack([grid, 0.2 * np.sin(grid[..., 0])]), smooth=True)
+    for mesh in (wave, cylinder("m", (0, 0, 0), (0, 1, 0), 0.3), ball("m", (0, 0, 0), 1.0)):
+        a, b, c = np.moveaxis(triangles(mesh), 1, 0)
+        flat = np.cross(b - a, c - a)
+        assert mesh.normals is not None
+        smooth = mesh.normals[mesh.faces].mean(1)
+        whole_faces = np.linalg.norm(flat, axis=1) > 1e-9
+        assert (np.einsum("ij,ij->i", flat, smooth)[whole_faces] > 0).all()
+
+
+def test_plate_keeps_its_texture_where_it_is_told() -> None:
+    mesh = plane("m", rectangle(2, 1, 4, 2), 0.5, uv_box=(0, 0, 4, 2))
+    assert mesh.uv is not None
+    np.testing.assert_allclose(mesh.uv * (4, 2), mesh.vertices[:, :2], atol=1e-6)
+
+
+def test_skin_is_the_wall_without_its_openings() -> None:
+    parts = skin_parts(WALL, "skin")
+    at = {0.0: 0.0, -LOGGIA.depth_m: 0.0}
+    for mesh in parts.meshes:
+        corners = triangles(mesh)
+        for z in at:
+            level = np.abs(corners[:, :, 2] - z).max(1) < 1e-6
+            if mesh.material == "skin" and level.any():
+                at[z] += area_m2(replace(mesh, faces=mesh.faces[level]))
+    loggia = LOGGIA.width_m * LOGGIA.clear_m
+    openings = sum(o.width_m * o.height_m for o in (WINDOW, DOOR))
+    assert at[0.0] == pytest.approx(10 * 6 - openings - loggia, rel=1e-6)
+    assert at[-LOGGIA.depth_m] == pytest.approx(loggia - INNER.width_m * INNER.height_m, rel=1e-6)
+    for mesh in parts.meshes:
+        if mesh.material == "skin":
+            assert mesh.uv is not None
+            assert mesh.uv.min() >= 0
+            assert mesh.uv.max() <= 1
+
+
+def test_skin_and_reveals_look_outward() -> None:
+    """From any place before the wall, a ray to it meets the front of a face."""
+    parts = skin_parts(replace(WALL, openings=(WINDOW,), balconies=()), "skin")
+    (jambs,) = [mesh for mesh in parts.meshes if np.ptp(mesh.vertices[:, 2]) > 0.01]
+    a, b, c = np.moveaxis(triangles(jambs), 1, 0)
+    middle = np.array([1.7, 1.65, -0.09])
+    towards = middle - (a + b + c) / 3
+    assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), towards) > 0).all()
+
+
+@pytest.mark.parametrize("opening", [WINDOW, DOOR, INNER], ids=lambda o: o.kind)
+def test_ray_meets_the_glass_at_the_recess(opening: Opening) -> None:
+    parts = wall_parts(replace(WALL, balconies=(LOGGIA,)), 5, m_per_texel=COARSE)
+    share = opening.style.lights[0] / 2
+    x = opening.x_m + share * opening.width_m
+    y = opening.y_m + (0.75 if opening.style.panel else 0.5) * opening.height_m
+    frame = WALL.world_from_facade
+    distance, material = first_hit(
+        parts, frame.apply([x, y, 3.0]), frame.rotate(np.array([0.0, 0.0, -1.0]))
+    )
+    assert material == "glass"
+    assert distance == pytest.approx(3.0 + opening.depth_m + opening.recess_m, abs=1e-4)
+
+
+def test_frame_fills_the_box_and_stands_before_the_glass() -> None:
+    parts = wall_parts(replace(WALL, openings=(WINDOW,), balconies=()), 5, m_per_texel=COARSE)
+    frame = WALL.world_from_facade
+
+    def seen(x: float, y: float) -> tuple[float, str]:
+        distance, name = first_hit(
+            parts, frame.apply([x, y, 3.0]), frame.rotate(np.array([0.0, 0.0, -1.0]))
+        )
+        return 3.0 - distance, name
+
+    skin = seen(0.5, 0.5)[1]
+    y = WINDOW.y_m + 0.4
+    for edge, inward in ((WINDOW.x_m, 1), (WINDOW.x_m + WINDOW.width_m, -1)):
+        assert seen(edge - 0.002 * inward, y) == (pytest.approx(0.0, abs=1e-5), skin)
+        depth, name = seen(edge + 0.002 * inward, y)
+        assert name.startswith("painted")
+        assert 0.02 <= depth + WINDOW.recess_m <= 0.06
+    top = WINDOW.y_m + WINDOW.height_m
+    assert seen(1.2, top + 0.002)[1] == skin
+    assert seen(1.2, top - 0.002)[1].startswith("painted")
+
+
+def test_arched_opening_stays_in_its_box() -> None:
+    arched = replace(WINDOW, style=replace(WINDOW.style, arch=0.2))
+    outline = opening_outline(arched)
+    assert outline.bounds == pytest.approx(opening_outline(WINDOW).bounds, abs=1e-9)
+    rise, half = 0.2 * 1.4, 0.7
+    radius = (half**2 + rise**2) / (2 * rise)
+    angle = 2 * np.arcsin(half / radius)
+    segment = radius**2 / 2 * (angle - np.sin(angle))
+    assert outline.area == pytest.approx(1.4 * (1.3 - rise) + segment, rel=5e-3)
+
+
+def test_every_material_is_known_and_meshes_are_one_per_material(whole: Parts) -> None:
+    assert {mesh.material for mesh in whole.meshes} <= set(whole.materials)
+    keys = [(m.material, m.uv is None, m.normals is None) for m in whole.meshes]
+    assert len(keys) == len(set(keys))
+    for mesh in whole.meshes:
+        assert np.isfinite(mesh.vertices).all()
+        assert mesh.faces.min() >= 0
+        assert mesh.faces.max() < len(mesh.vertices)
+        if whole.materials[mesh.material].texture is not None:
+            assert mesh.uv is not None
+
+
+def test_same_seed_same_meshes_and_another_seed_other_things(whole: Parts) -> None:
+    again = building_parts(house(Roof()), 3, m_per_texel=COARSE)
+    for one, two in zip(whole.meshes, again.meshes, strict=True):
+        assert one.material == two.material
+        np.testing.assert_array_equal(one.vertices, two.vertices)
+    other = building_parts(house(Roof()), 4, m_per_texel=COARSE)
+    found = [np.concatenate([m.vertices for m in parts.meshes]) for parts in (whole, other)]
+    assert found[0].shape != found[1].shape or not np.allclose(*found)
+
+
+def test_window_costs_at_most_600_triangles() -> None:
+    style = WindowStyle((0.5, 0.5), transom=0.7, bars=(1, 2))
+    rich = replace(WINDOW, width_m=2.0, style=style, behind=Behind(0.5, blind=0.4, things=True))
+    bare = replace(WALL, openings=(), balconies=(), ornaments=())
+    without = sum(len(m.faces) for m in wall_parts(bare, 1, m_per_texel=COARSE).meshes)
+    for seed in range(5):
+        parts = wall_parts(replace(bare, openings=(rich,)), seed, m_per_texel=COARSE)
+        assert sum(len(mesh.faces) for mesh in parts.meshes) - without <= 600
+
+
+def test_rooms_stay_inside_the_house() -> None:
+    free = rectangle(0.02, 0.02, 9.98, 1.0).difference(rectangle(3.0, 0.0, 10.0, 1.0))
+    corner = replace(WINDOW, x_m=0.1)
+    room = room_of(corner, free)
+    assert free.contains(rectangle(room.x[0], -room.near_z, room.x[1], -room.far_z))
+    rng = np.random.default_rng(1)
+    parts = behind_parts(replace(corner, behind=Behind(0.9, things=True)), room, rng)
+    assert min(mesh.vertices[:, 2].min() for mesh in parts.meshes) > -1.0
+
+
+def test_no_ray_sees_through_the_house(whole: Parts) -> None:
+    """Past the glass every ray through a window ends on something inside."""
+    opaque = Parts([mesh for mesh in whole.meshes if mesh.material != "glass"], whole.materials)
+    rng = np.random.default_rng(2)
+    for _ in range(60):
+        at = np.array([rng.uniform(1.0, 2.4), 0.0, rng.uniform(1.0, 2.3)])
+        eye = np.array([rng.uniform(-4, 8), -5.0, rng.uniform(0.5, 4)])
+        way = (at - eye) / np.linalg.norm(at - eye)
+        distance, _ = first_hit(opaque, eye, way)
+        end = eye + distance * way
+        assert -0.2 < end[1] < 7.9
+
+
+@pytest.mark.parametrize("kind", ["gable", "hip", "shed"])
+def test_pitched_roof_starts_on_the_walls_and_rises_as_told(kind: str) -> None:
+    building = house(Roof(kind, 2.0, 0.4))  # type: ignore[arg-type]
+    slopes = slopes_of(building)
+    plan = Polygon(building.outline)
+    corners = np.array(plan.exterior.coords)
+    heights = np.array([slope.z(corners) for slope in slopes])
+    for place, height in zip(corners, heights.T, strict=True):
+        on = [slope.plan.buffer(1e-6).covers(Polygon([place, place, place])) for slope in slopes]
+        assert all(6 - 1e-6 <= z <= 8 + 1e-6 for z, here in zip(height, on, strict=True) if here)
+    top = max(
+        float(slope.z(np.asarray(slope.plan.intersection(plan).exterior.coords)).max())
+        for slope in slopes
+    )
+    assert top == pytest.approx(8.0, abs=1e-3)
+    assert sum(slope.plan.area for slope in slopes) == pytest.approx(10.8 * 8.8, rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["flat", "gable", "hip", "shed"])
+def test_roof_covers_the_house(kind: str) -> None:
+    building = house(Roof(kind, 1.5, 0.3))  # type: ignore[arg-type]
+    parts = roof_parts(building, np.random.default_rng(1))
+    for x in (0.1, 3.0, 5.0, 9.9):
+        for y in (0.1, 4.1, 7.9):
+            down, _ = first_hit(parts, np.array([x, y, 20.0]), np.array([0.0, 0.0, -1.0]))
+            assert 5.9 < 20 - down < 8.0
