@@ -100,19 +100,37 @@ def test_joints_between_panels_spare_the_openings() -> None:
     assert level == pytest.approx([2.8])
 
 
+def test_no_level_joint_runs_through_the_window_of_a_stair() -> None:
+    stair = Opening("window", 3.9, 2.2, 1.2, 1.2, 0.1, WindowStyle())
+    rest = tuple(
+        Opening("window", x, y, 1.2, 1.2, 0.1, WindowStyle())
+        for x in (0.9, 6.9)
+        for y in (0.9, 3.7)
+    )
+    wall = replace(
+        bare("panel", 9.0, 5.6, second_rgb=(0.2, 0.2, 0.2), module_m=(3.0, 2.8)),
+        openings=(stair, *rest),
+    )
+    picture = paint_wall(wall, 900, 560, rng_of(6)).astype(float).mean(2)
+    jump = picture[279:281] - (picture[270:272] + picture[288:290]) / 2
+    assert jump[:, :290].mean() < -30
+    assert abs(jump[:, 310:590].mean()) < 5
+    assert jump[:, 610:].mean() < -30
+
+
 def test_weather_darkens_below_sills_and_leaves_a_new_wall_alone() -> None:
     wall = wall_of("plaster", weathering=1.0)
-    sheet = Sheet(9.0, 6.0, 450, 300)
+    sheet = Sheet(9.0, 6.0, 180, 120)
     new = replace(wall, finish=replace(wall.finish, weathering=0.0))
     assert np.all(weathered(new, sheet, rng_of(0)).keep == 1)
     below, beside = [], []
-    for seed in range(12):
+    for seed in range(40):
         keep = weathered(wall, sheet, rng_of(seed)).keep
         for opening in wall.openings[3:5]:
             x0, x1, y = opening.x_m, opening.x_m + opening.width_m, opening.y_m
             below.append(keep[sheet.box(x0, y - 0.5, x1, y)].mean())
             beside.append(keep[sheet.box(x1 + 0.2, y - 0.5, x1 + 1.1, y)].mean())
-    assert np.mean(below) < np.mean(beside) - 0.02
+    assert np.mean(below) < np.mean(beside) - 0.01
 
 
 def test_plaster_has_unique_detail_everywhere() -> None:

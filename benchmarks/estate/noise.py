@@ -9,12 +9,21 @@ from numpy.typing import NDArray
 Field = NDArray[np.float32]
 
 
-def stretched(lattice: Field, height_px: int, width_px: int) -> Field:
-    """The lattice drawn out smoothly to (height_px, width_px); opposite borders fit together."""
+def stretched(
+    lattice: Field, height_px: int, width_px: int, start: tuple[float, float] = (0.0, 0.0)
+) -> Field:
+    """The lattice drawn out smoothly to (height_px, width_px); opposite borders fit together.
+
+    ``start`` (row, column) is the place on the lattice where it begins, in cells.
+    """
     rows, columns = lattice.shape[:2]
     scale_x, scale_y = columns / width_px, rows / height_px
     source = np.array(
-        [[scale_x, 0.0, 0.5 * scale_x - 0.5], [0.0, scale_y, 0.5 * scale_y - 0.5]], np.float64
+        [
+            [scale_x, 0.0, 0.5 * scale_x - 0.5 + start[1]],
+            [0.0, scale_y, 0.5 * scale_y - 0.5 + start[0]],
+        ],
+        np.float64,
     )
     return cv2.warpAffine(
         lattice,
@@ -34,7 +43,8 @@ def octave(
     lattice = (rng.random((rows, columns), dtype=np.float32) - np.float32(0.5)) * np.float32(3.46)
     if (rows, columns) == (height_px, width_px):
         return lattice
-    return stretched(lattice, height_px, width_px)
+    start = rng.random(2)  # so that the nodes of octaves do not lie upon one another
+    return stretched(lattice, height_px, width_px, (float(start[0]), float(start[1])))
 
 
 def clouds(

@@ -22,7 +22,7 @@ def element_joints(
 
     Upright joints divide the wall evenly, as near to the module as can be; one that would cut an
     opening moves beside it. Level joints stand on the plinth; all of them
-    shift together where that cuts fewer openings.
+    shift together where that cuts or touches fewer openings.
     """
     count = max(1, round(width_m / module_m[0]))
     upright = np.arange(1, count) * (width_m / count)
@@ -33,10 +33,12 @@ def element_joints(
     spans = np.array([(o.y_m, o.y_m + o.height_m) for o in openings]).reshape(-1, 2)
     best, fewest = 0.0, np.inf
     for shift in (0.0, -0.25, 0.25, -0.5, 0.5, -0.75, 0.75, -1.0, 1.0, 1.25):
-        levels = _levels(plinth_m + shift, module_m[1], plinth_m, height_m)
-        inside = (levels[:, None] > spans[:, 0]) & (levels[:, None] < spans[:, 1])
-        if inside.sum() < fewest:
-            best, fewest = shift, inside.sum()
+        levels = _levels(plinth_m + shift, module_m[1], plinth_m, height_m)[:, None]
+        inside = (levels > spans[:, 0]) & (levels < spans[:, 1])
+        beside = np.minimum(np.abs(levels - spans[:, 0]), np.abs(levels - spans[:, 1])) < 0.2
+        cost = np.sum(inside) + 0.5 * np.sum(beside) + 0.1 * abs(shift)
+        if cost < fewest:
+            best, fewest = shift, cost
     return upright, _levels(plinth_m + best, module_m[1], plinth_m, height_m)
 
 
@@ -86,26 +88,52 @@ def panel(
     column = np.searchsorted(upright, sheet.x_m)
     row = np.searchsorted(level, sheet.y_m)
     shape = (len(level) + 1, len(upright) + 1)
+    kept = _kept(upright, level, openings, sheet.width_m)
     tone = rng.uniform(0.012, 0.035) * (rng.uniform(-1, 1, shape) + rng.uniform(-1, 1, shape))
+    hue = rng.uniform(-0.006, 0.006, shape)
+    for index in range(len(level)):  # elements without a joint between them are one
+        tone[index + 1] = np.where(kept[index], tone[index + 1], tone[index])
+        hue[index + 1] = np.where(kept[index], hue[index + 1], hue[index])
     light = 1 + tone.astype(np.float32)[row][:, column]
     light += np.float32(0.016) * sheet.soft_clouds((0.7, 0.9), 3, rng)
     light += _surface(surface, sheet, rng)
-    _stain_joints(light, sheet, upright, level, finish.weathering, rng)
+    _stain_joints(light, sheet, upright, level, kept, finish.weathering, rng)
 
     joint_x = covered(upright - SEALANT_M / 2, upright + SEALANT_M / 2, sheet.x_edges_m)
     joint_y = covered(level - SEALANT_M / 2, level + SEALANT_M / 2, sheet.y_edges_m)
-    hue = (rng.uniform(-1, 1, shape) * 0.006).astype(np.float32)[row][:, column]
+    rows = np.flatnonzero(joint_y)
+    if len(rows):
+        nearest = np.abs(sheet.y_m[rows, None] - level[None, :]).argmin(axis=1)
+        seam_y = joint_y[rows, None] * kept[nearest][:, column]
+    warmth = hue.astype(np.float32)[row][:, column]
     sealant = np.array(finish.second_rgb, np.float32) * np.float32(0.55)
     picture = np.empty((*light.shape, 3), np.float32)
     for band, warm in enumerate((1.0, 0.0, -1.0)):
         plane = light * np.float32(finish.rgb[band])
         if warm:
-            plane += np.float32(warm) * hue
-        columns, rows = np.flatnonzero(joint_x), np.flatnonzero(joint_y)
+            plane += np.float32(warm) * warmth
+        columns = np.flatnonzero(joint_x)
         plane[:, columns] += (sealant[band] - plane[:, columns]) * joint_x[columns]
-        plane[rows] += (sealant[band] - plane[rows]) * joint_y[rows, None]
+        if len(rows):
+            plane[rows] += (sealant[band] - plane[rows]) * seam_y
         picture[..., band] = plane
     return picture
+
+
+def _kept(
+    upright: FloatArray, level: FloatArray, openings: tuple[Opening, ...], width_m: float
+) -> np.ndarray:
+    """Whether a level joint (L, columns) runs through a column of elements: not through a window.
+
+    Stairs have their windows between the storeys and elements of their own.
+    """
+    sides = np.concatenate([[0.0], upright, [width_m]])
+    kept = np.ones((len(level), len(sides) - 1), bool)
+    for opening in openings:
+        x0, x1 = opening.x_m, opening.x_m + opening.width_m
+        cut = (level > opening.y_m) & (level < opening.y_m + opening.height_m)
+        kept &= ~(cut[:, None] & ((sides[1:] > x0) & (sides[:-1] < x1))[None, :])
+    return kept
 
 
 def _surface(surface: str, sheet: Sheet, rng: np.random.Generator) -> Field:
@@ -127,6 +155,7 @@ def _stain_joints(
     sheet: Sheet,
     upright: FloatArray,
     level: FloatArray,
+    kept: np.ndarray,
     weathering: float,
     rng: np.random.Generator,
 ) -> None:
@@ -137,10 +166,12 @@ def _stain_joints(
     stain_x = np.zeros(len(x_m), np.float32)
     for place in upright:
         stain_x += np.exp(-np.abs(x_m - place) / rng.uniform(0.03, 0.10)) * rng.uniform(0.3, 1)
-    stain_y = np.zeros(len(y_m), np.float32)
-    for place in level:
+    stain = np.repeat(stain_x[None, :], len(y_m), axis=0)
+    column = np.searchsorted(upright, x_m)
+    for place, runs in zip(level, kept, strict=True):
         below = np.exp(-(place - y_m) / rng.uniform(0.10, 0.30)) * (y_m <= place)
         above = np.exp(-(y_m - place) / 0.04) * (y_m > place)
-        stain_y += ((below + 0.7 * above) * rng.uniform(0.5, 1)).astype(np.float32)
-    stain = np.minimum(stain_x[None, :] + stain_y[:, None], np.float32(1.2))
+        along = ((below + 0.7 * above) * rng.uniform(0.5, 1)).astype(np.float32)
+        stain += along[:, None] * runs[column][None, :]
+    stain = np.minimum(stain, np.float32(1.2))
     light *= 1 - sheet.fitted(np.float32(0.05 + 0.13 * weathering) * stain * uneven)

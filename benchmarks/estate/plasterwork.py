@@ -14,7 +14,7 @@ def plaster(
 ) -> Field:
     """A plastered wall (H, W, 3) float32 sRGB; repairs and cracks grow with the weathering."""
     light = 1 + np.float32(rng.uniform(0.010, 0.018)) * sheet.soft_clouds((1.4, 2.6), 4, rng)
-    light += np.float32(rng.uniform(0.006, 0.014)) * sheet.soft_clouds((0.16, 0.42), 2, rng)
+    light += np.float32(0.004 + 0.010 * rng.random() ** 3) * sheet.soft_clouds((0.2, 0.5), 4, rng)
     light += _day_joints(sheet, rng)
     light += np.float32(rng.uniform(0.016, 0.030)) * sheet.grain(rng)
     light += np.float32(0.012) * sheet.clouds(0.04, 1, rng)
@@ -95,7 +95,7 @@ def _cracks(
             start = (opening.x_m + opening.width_m * right, opening.y_m + opening.height_m * top)
             heading = np.arctan2(2.0 * top - 1, 2.0 * right - 1) + rng.uniform(-0.5, 0.5)
             _crack(mask, sheet, start, heading, rng.uniform(0.2, 1.2), rng)
-    for _ in range(int(rng.poisson(sheet.width_m * sheet.height_m * finish.weathering / 60.0))):
+    for _ in range(int(rng.poisson(sheet.width_m * sheet.height_m * finish.weathering / 120.0))):
         start = (rng.uniform(0, sheet.width_m), rng.uniform(0, sheet.height_m))
         heading = rng.choice([0.0, np.pi / 2]) + rng.uniform(-0.4, 0.4)
         _crack(mask, sheet, start, heading, rng.uniform(0.3, 2.0), rng)
@@ -111,7 +111,7 @@ def _crack(
     rng: np.random.Generator,
 ) -> None:
     steps = max(4, round(length_m / 0.04))
-    headings = heading + np.cumsum(rng.uniform(-0.25, 0.25, steps)) + rng.uniform(-0.7, 0.7, steps)
+    headings = heading + np.cumsum(rng.uniform(-0.2, 0.2, steps)) + rng.uniform(-0.9, 0.9, steps)
     moves = 0.04 * np.stack([np.cos(headings), np.sin(headings)], axis=1)
     points = np.concatenate([[start], np.asarray(start) + np.cumsum(moves, axis=0)])
     strength = int(255 * rng.uniform(0.3, 1.0) * min(1.0, 0.01 / sheet.m_per_px))

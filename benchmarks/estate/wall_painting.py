@@ -76,7 +76,7 @@ def _plinth(picture: Field, wall: Wall, sheet: Sheet, rng: np.random.Generator) 
         rows.stop - rows.start,
     )
     light = 1 + np.float32(0.025) * strip.soft_clouds((0.4, 1.0), 4, rng)
-    light += np.float32(0.03) * strip.grain(rng) + np.float32(0.02) * strip.clouds(0.05, 2, rng)
+    light += np.float32(0.03) * strip.grain(rng) + np.float32(0.012) * strip.clouds(0.05, 2, rng)
     light -= np.float32(0.25) * strip.specks(20.0, 0.007, rng)
     seams = np.arange(1, int(strip.height_m / 0.15) + 1) * 0.15
     light -= np.float32(0.06) * covered(seams, seams + 0.008, strip.y_edges_m)[:, None]
