@@ -85,7 +85,8 @@ def _wall(wall: Wall, house: str, seed: int, free: Polygon, m_per_texel: float) 
         rng = rng_of(seed, wall.id, "opening", number)
         own = filling_parts(opening, joinery, rng)
         own.add(trim_parts(opening, joinery))
-        own.meshes = [moved(mesh, (0, 0, -opening.depth_m)) for mesh in own.meshes]
+        if opening.depth_m:
+            own.meshes = [moved(mesh, (0, 0, -opening.depth_m)) for mesh in own.meshes]
         parts.add(own)
         parts.add(behind_parts(opening, room_of(opening, free), rng))
     for number, balcony in enumerate(wall.balconies):

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
-import numpy as np
+from functools import cache
+from typing import Literal
+
+from benchmarks.estate import textures
 from benchmarks.estate.materials import FIXED, painted
 from benchmarks.estate.parts import Material, Parts
-from benchmarks.estate.plan import Rgb, rng_of
-from numpy.typing import NDArray
+from benchmarks.estate.plan import Rgb
+from benchmarks.estate.textures import Painter, tile
+
+CoverKind = Literal["slats", "roof_tiles", "felt", "sheet_roof"]
+_COVERS: dict[CoverKind, tuple[Painter, bool]] = {
+    "slats": (textures.slats, False),
+    "roof_tiles": (textures.roof_tiles, False),
+    "felt": (textures.felt, False),
+    "sheet_roof": (textures.seamed, True),
+}
 
 
 def _hex(rgb: Rgb) -> str:
@@ -40,55 +51,14 @@ def glow(parts: Parts, rgb: Rgb, strength: float) -> str:
     return _kept(parts, f"glow-{_hex(colour)}", Material("light", colour))  # type: ignore[arg-type]
 
 
-def slats(parts: Parts, rgb: Rgb) -> str:
-    """Name of a venetian blind of 25 mm slats; `TILE_M` holds 80 of them."""
-    across = np.linspace(0.0, 1.0, 12, endpoint=False)
-    shade = 0.62 + 0.38 * np.sin(np.pi * (0.15 + 0.8 * across))
-    shade[-1] = 0.30
-    column = np.tile(shade, 80)[:, None, None] * np.asarray(rgb) * 255
-    texture = np.repeat(column, 4, axis=1).round().astype(np.uint8)
-    return _kept(parts, f"slats-{_hex(rgb)}", Material("diffuse", rgb, texture))
+def covered_with(parts: Parts, kind: CoverKind, rgb: Rgb) -> str:
+    """Name of a texture of a mean colour that repeats; colours are rounded to spare painting."""
+    near = tuple(round(32 * value) / 32 for value in rgb)
+    name = f"{kind}-{_hex(near)}"  # type: ignore[arg-type]
+    return _kept(parts, name, _cover(kind, near))  # type: ignore[arg-type]
 
 
-def _tiles(rgb: Rgb, rng: np.random.Generator) -> NDArray[np.uint8]:
-    """Pantiles of 0.2 x 0.333 m over one `TILE_M`: a wave across, a step at every course."""
-    size = 400
-    columns, rows = 10, 6
-    x = (np.arange(size) + 0.5) / size * columns
-    y = (size - 0.5 - np.arange(size)) / size * rows
-    tint = rng.normal(1.0, 0.07, (rows, columns))
-    shade = tint[y.astype(int)[:, None], x.astype(int)[None]]
-    wave = 0.80 + 0.20 * np.sin(2 * np.pi * (x % 1.0) + 0.6)
-    course = np.where(y % 1.0 < 0.10, 0.55, 0.92 + 0.08 * (y % 1.0))
-    grain = rng.normal(1.0, 0.03, (size, size))
-    value = shade * grain * wave[None] * course[:, None]
-    return (255 * np.clip(value[..., None] * np.asarray(rgb), 0, 1)).astype(np.uint8)
-
-
-def _felt(rgb: Rgb, rng: np.random.Generator) -> NDArray[np.uint8]:
-    """Bitumen felt in strips of 1 m with grit and a few paler strips."""
-    size = 400
-    strip = np.repeat(rng.normal(1.0, 0.06, 2), size // 2)
-    grit = rng.normal(1.0, 0.08, (size, size))
-    value = grit * strip[:, None]
-    value[:: size // 2] *= 0.6
-    value[1 :: size // 2] *= 0.7
-    return (255 * np.clip(value[..., None] * np.asarray(rgb), 0, 1)).astype(np.uint8)
-
-
-def _seamed(rgb: Rgb, rng: np.random.Generator) -> NDArray[np.uint8]:
-    """Sheet metal with standing seams every 0.5 m."""
-    size = 400
-    value = rng.normal(1.0, 0.015, (size, 1)) * np.repeat(rng.normal(1.0, 0.03, 4), 100)[None]
-    for seam in range(0, size, 100):
-        value[:, seam : seam + 3] *= 1.25
-        value[:, seam + 3 : seam + 8] *= 0.55
-    return (255 * np.clip(value[..., None] * np.asarray(rgb), 0, 1)).astype(np.uint8)
-
-
-def roofing(parts: Parts, kind: str, rgb: Rgb) -> str:
-    """Name of a roof's cover: ``tiles``, ``felt`` or ``seamed``; its texture covers `TILE_M`."""
-    painters = {"tiles": _tiles, "felt": _felt, "seamed": _seamed}
-    name = f"{kind}-{_hex(rgb)}"
-    texture = painters[kind](rgb, rng_of(0, "roofing", kind))
-    return _kept(parts, name, Material("diffuse", rgb, texture))
+@cache
+def _cover(kind: CoverKind, rgb: Rgb) -> Material:
+    painter, glossy = _COVERS[kind]
+    return Material("plastic" if glossy else "diffuse", rgb, tile(kind, rgb, painter), 0.35)

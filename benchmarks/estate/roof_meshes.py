@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from benchmarks.estate.house_materials import fixed, matt, paint, roofing
+from benchmarks.estate.house_materials import CoverKind, covered_with, fixed, matt, paint
 from benchmarks.estate.parts import Mesh, Parts
 from benchmarks.estate.plan import Building, Wall
 from benchmarks.estate.solids import TILE_M, band, cylinder, plane, prism, quad
@@ -52,8 +52,10 @@ def roof_parts(building: Building, rng: np.random.Generator) -> Parts:
     roof = building.roof
     red = roof.rgb[0] > roof.rgb[2] + 0.08
     steep = float(np.hypot(slopes[0].a, slopes[0].b))
-    kinds = ("tiles",) if red else ("felt", "seamed") if steep < 0.25 else ("tiles", "seamed")
-    cover = roofing(parts, kinds[int(rng.integers(len(kinds)))], roof.rgb)
+    kinds: tuple[CoverKind, ...] = ("roof_tiles", "sheet_roof")
+    if red or steep < 0.25:
+        kinds = ("roof_tiles",) if red else ("felt", "sheet_roof")
+    cover = covered_with(parts, kinds[int(rng.integers(len(kinds)))], roof.rgb)
     board = paint(parts, tuple(0.75 * value for value in roof.rgb))  # type: ignore[arg-type]
     under = matt(parts, (0.70, 0.69, 0.66))
     for slope in slopes:
@@ -251,7 +253,7 @@ def _flat(building: Building, plan: Polygon) -> Parts:
     parts.meshes += prism(metal, outer.difference(plan), foot, top, with_back=True)
     parts.meshes += prism(metal, _grown(outer, 0.02).difference(plan), top - 0.05, top + 0.01)
     parts.meshes.append(plane(metal, plan.difference(inner), top + 0.01))
-    deck = roofing(parts, "felt", (0.27, 0.27, 0.27))
+    deck = fixed(parts, "felt")
     parts.meshes.append(band(deck, inner, top - _UPSTAND_M, top + 0.01, inward=True))
     parts.meshes.append(plane(deck, inner, top - _UPSTAND_M))
     return parts

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from benchmarks.estate.house_materials import fixed, glow, matt, paint, slats
+from benchmarks.estate.house_materials import covered_with, fixed, glow, matt, paint
 from benchmarks.estate.parts import Mesh, Parts
 from benchmarks.estate.plan import Opening, Rgb
 from benchmarks.estate.solids import ball, box, cylinder, leaves, quad, sheet
@@ -101,7 +101,8 @@ def _room(opening: Opening, room: Room, rng: np.random.Generator) -> Parts:
         x = x0 + (x1 - x0) * rng.uniform(0.0, 0.6)
         top = y0 + rng.uniform(0.9, 2.0)
         wide = rng.uniform(0.6, 1.2)
-        parts.meshes.append(box(wood, (x, y0, far), (min(x + wide, x1), min(top, y1), far + 0.45)))
+        high = (min(x + wide, x1), min(top, y1), far + 0.45)
+        parts.meshes.append(box(wood, (x, y0, far), high, without="back bottom"))
     if light > 0:
         lamp = glow(parts, (1.0, 0.80, 0.52), light)
         x, z = (x0 + x1) / 2, (near + far) / 2
@@ -114,10 +115,11 @@ def _hanging(
 ) -> Mesh:
     """A cloth in soft folds."""
     width = x1 - x0
+    depth = min(1.0, (y1 - y0) / 0.8)
     folds = max(1, min(12, round(width / _FOLD_M)))
     across = np.linspace(0, 1, 3 * folds + 1)
     phase = 2 * np.pi * folds * across + rng.uniform(0, 6.28)
-    wave = 0.022 * np.sin(phase) + 0.008 * np.sin(0.37 * phase)
+    wave = depth * (0.022 * np.sin(phase) + 0.008 * np.sin(0.37 * phase))
     points = np.zeros((2, len(across), 3))
     points[:, :, 0] = x0 + width * across
     points[:, :, 1] = np.array([y0, y1])[:, None]
@@ -142,7 +144,7 @@ def _curtains(opening: Opening, z: float, rng: np.random.Generator) -> Parts:
         parts.meshes.append(_hanging(cloth, x0 - 0.05, x0 + left, y0, y1, z, rng))
     if covered - left > 0.05:
         parts.meshes.append(_hanging(cloth, x1 - covered + left, x1 + 0.05, y0, y1, z, rng))
-    if opening.kind == "window" and rng.random() < 0.35:
+    if opening.kind == "window" and rng.random() < 0.3:
         drop = y1 - rng.uniform(0.25, 0.4)
         parts.meshes.append(_hanging(cloth, x0 - 0.05, x1 + 0.05, drop, y1, z + 0.03, rng))
     return parts
@@ -157,7 +159,11 @@ def _blind(opening: Opening, glass_z: float, rng: np.random.Generator) -> Parts:
     low = top - min(behind.blind, 1.0) * (opening.height_m - 0.04)
     venetian = rng.random() < 0.65
     z = glass_z - (0.022 if venetian else 0.075)
-    material = slats(parts, behind.blind_rgb) if venetian else matt(parts, behind.blind_rgb)
+    material = (
+        covered_with(parts, "slats", behind.blind_rgb)
+        if venetian
+        else matt(parts, behind.blind_rgb)
+    )
     parts.meshes.append(quad(material, [(x0, low, z), (x1, low, z), (x1, top, z), (x0, top, z)]))
     bar = paint(parts, behind.blind_rgb)
     parts.meshes.append(box(bar, (x0, low - 0.02, z - 0.01), (x1, low, z + 0.008)))
@@ -182,10 +188,10 @@ def _things(opening: Opening, z: float, rng: np.random.Generator) -> Parts:
         pot_rgb = ((0.60, 0.32, 0.22), (0.85, 0.84, 0.80), (0.25, 0.27, 0.30))
         pot = paint(parts, pot_rgb[int(rng.integers(3))])
         parts.meshes.append(
-            cylinder(pot, (x, y, z), (x, y + 0.11, z), 0.05, end_radius_m=0.065, sides=7)
+            cylinder(pot, (x, y, z), (x, y + 0.11, z), 0.05, end_radius_m=0.065, sides=6)
         )
         green = fixed(parts, ("leaf_hedge", "leaf_linden", "leaf_maple")[int(rng.integers(3))])
         radii = rng.uniform(0.08, 0.15, 3) * (1.0, 1.2, 0.5)
         middle = (x, y + 0.10 + 0.8 * radii[1], z)
-        parts.meshes.append(leaves(green, middle, radii, 22, 0.10, rng))
+        parts.meshes.append(leaves(green, middle, radii, 15, 0.12, rng))
     return parts

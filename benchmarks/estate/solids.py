@@ -6,6 +6,7 @@ Without other instruction ``uv`` is in metres over `TILE_M`, so a texture keeps 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -115,19 +116,19 @@ def band(material: str, shape: Polygon, back: float, front: float, *, inward: bo
 
     They face out of the shape (its holes too), or into it with ``inward``.
     """
-    corners, uv = [], []
     solid = orient(shape)
-    for ring in (solid.exterior, *solid.interiors):
-        line = np.asarray(ring.coords)[:, :2]
-        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-        a, b = line[:-1], line[1:]
-        ends = [(a, back, along[:-1]), (b, back, along[1:]), (b, front, along[1:])]
-        ends.append((a, front, along[:-1]))
-        if inward:
-            ends = ends[::-1]
-        corners.append(np.stack([np.column_stack([p, np.full(len(p), z)]) for p, z, _ in ends], 1))
-        uv.append(np.stack([np.column_stack([s, np.full(len(s), z)]) for _, z, s in ends], 1))
-    return _quads(material, np.concatenate(corners), np.concatenate(uv) / TILE_M)
+    lines = [np.asarray(ring.coords)[:, :2] for ring in (solid.exterior, *solid.interiors)]
+    a, b = (np.concatenate([line[cut] for line in lines]) for cut in (slice(-1), slice(1, None)))
+    corners, uv = np.empty((len(a), 4, 3)), np.empty((len(a), 4, 2))
+    corners[:, (0, 3), :2], corners[:, (1, 2), :2] = a[:, None], b[:, None]
+    corners[:, :2, 2], corners[:, 2:, 2] = back, front
+    length = np.hypot(*(b - a).T)
+    end = np.cumsum(length)
+    uv[:, (0, 3), 0], uv[:, (1, 2), 0] = (end - length)[:, None], end[:, None]
+    uv[:, :, 1] = corners[:, :, 2]
+    if inward:
+        corners, uv = corners[:, ::-1], uv[:, ::-1]
+    return _quads(material, corners, uv / TILE_M)
 
 
 def prism(
@@ -269,4 +270,4 @@ def placed(mesh: Mesh, to_from_mesh: Rigid3) -> Mesh:
 
 def moved(mesh: Mesh, by: ArrayLike) -> Mesh:
     """The mesh shifted by (3,)."""
-    return placed(mesh, Rigid3(np.eye(3), np.asarray(by, np.float64)))
+    return replace(mesh, vertices=mesh.vertices + np.asarray(by, np.float32))
