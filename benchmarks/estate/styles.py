@@ -10,23 +10,21 @@ from collections.abc import Callable
 
 import numpy as np
 from benchmarks.estate.plan import rng_of
+from benchmarks.estate.styles_blocks import panel_block, roller_block
+from benchmarks.estate.styles_brick import canal_house, terrace, walk_up, works
 from benchmarks.estate.styles_draft import FacadePlan
-from benchmarks.estate.styles_europe import (
-    canal_house,
-    gruenderzeit,
-    haussmann,
-    mediterranean,
-    roller_block,
-    terrace,
-)
-from benchmarks.estate.styles_modern import contemporary, curtain, gable, ribbon, works
-from benchmarks.estate.styles_north import functionalist, panel_block, slab, timber
-from benchmarks.estate.styles_world import clapboard, concrete_frame, tower, walk_up
+from benchmarks.estate.styles_estate import estate_house
+from benchmarks.estate.styles_modern import contemporary, curtain, gable, ribbon
+from benchmarks.estate.styles_north import functionalist, slab
+from benchmarks.estate.styles_south import concrete_frame, mediterranean, tower
+from benchmarks.estate.styles_stone import gruenderzeit, haussmann
+from benchmarks.estate.styles_wood import clapboard, timber
 
 Style = Callable[[np.random.Generator, float, float], FacadePlan]
 
 STYLES: dict[str, tuple[Style, float]] = {
-    "slab": (slab, 3.0),
+    "estate": (estate_house, 3.0),
+    "slab": (slab, 2.0),
     "functionalist": (functionalist, 2.0),
     "timber": (timber, 1.0),
     "panel_block": (panel_block, 1.5),
@@ -52,11 +50,12 @@ STYLES: dict[str, tuple[Style, float]] = {
 def facade_plan(seed: int, number: int, style: str | None = None) -> FacadePlan:
     """The facade of a number: the same whatever else is drawn. ``style`` names one of ``STYLES``.
 
-    Walls are about 8 to 20 m wide and 6 to 17 m high: one picture's worth, or a little more.
+    Walls are about 8 to 20 m wide and 7 to 18 m high (the estate's houses up to 23 m): one
+    picture's worth, or a little more.
     """
     rng = rng_of(seed, "facade", number)
     names = list(STYLES)
     weights = np.array([STYLES[name][1] for name in names])
     drawn = names[int(rng.choice(len(names), p=weights / weights.sum()))]
     draw, _ = STYLES[style or drawn]
-    return draw(rng, round(rng.uniform(9.0, 19.0), 2), round(rng.uniform(6.5, 16.5), 2))
+    return draw(rng, round(rng.uniform(9.0, 19.0), 2), round(rng.uniform(8.0, 17.5), 2))

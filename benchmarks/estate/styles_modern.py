@@ -1,15 +1,22 @@
-"""Facades since 1950: offices, curtain walls, works, apartments of today, blank gables."""
+"""Facades since 1950: offices, curtain walls, apartments of today, blank gables."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 import numpy as np
-from benchmarks.estate.plan import Behind, Finish, WindowStyle
+from benchmarks.estate.plan import Finish, WindowStyle
 from benchmarks.estate.styles_draft import Draft, FacadePlan, axes, behind, choose, near
-from benchmarks.estate.styles_parts import FRAMES, IRON, WHITE, decoys, entrance, home_window, pipes
-
-DARK = (0.13, 0.14, 0.15)
+from benchmarks.estate.styles_parts import (
+    DARK,
+    FRAMES,
+    IRON,
+    WHITE,
+    decoys,
+    entrance,
+    home_window,
+    pipes,
+)
 
 
 def ribbon(rng: np.random.Generator, width_m: float, height_m: float) -> FacadePlan:
@@ -235,76 +242,6 @@ def contemporary(rng: np.random.Generator, width_m: float, height_m: float) -> F
         (1.2, round(storey, 3)),
     )
     return draft.plan("contemporary", finish)
-
-
-def works(rng: np.random.Generator, width_m: float, height_m: float) -> FacadePlan:
-    """Works and warehouses: large windows of many panes between piers, gates."""
-    storey = rng.uniform(3.6, 5.0)
-    floors = int(np.clip((height_m - 0.6) // storey, 1, 4))
-    draft = Draft(rng, width_m, floors * storey + 0.8)
-    centres = axes(rng, width_m, rng.uniform(2.6, 5.0), "even")
-    pitch = width_m / len(centres)
-    wide, high = pitch - rng.uniform(0.7, 1.3), storey - rng.uniform(1.5, 2.0)
-    columns = int(np.clip(round(wide / rng.uniform(0.35, 0.6)), 2, 8))
-    style = WindowStyle(
-        lights=choose(rng, [(1.0,), (0.5, 0.5), (1 / 3, 1 / 3, 1 / 3)]),
-        transom=choose(rng, [None, 0.5, 0.65]),
-        frame_m=0.05,
-        frame_rgb=near(rng, choose(rng, FRAMES)),
-        arch=choose(rng, [0.0, 0.0, 0.1, 0.16]),
-    )
-    bars = max(1, columns // len(style.lights))
-    style = replace(style, bars=(bars, max(1, round(high / 0.45 / (2 if style.transom else 1)))))
-    recess = rng.uniform(0.08, 0.25)
-    gate = int(rng.integers(len(centres))) if rng.random() < 0.5 else -1
-    for floor in range(floors):
-        for index, centre in enumerate(centres):
-            if floor == 0 and index == gate:
-                draft.opening(
-                    "door",
-                    centre - wide / 2,
-                    0.02,
-                    wide,
-                    min(3.2, storey - 0.6),
-                    0.15,
-                    WindowStyle(
-                        (0.5, 0.5),
-                        panel=0.98,
-                        frame_m=0.08,
-                        frame_rgb=near(rng, (0.3, 0.38, 0.36)),
-                        sill_m=0.0,
-                    ),
-                    Behind(0.0),
-                )
-                continue
-            draft.opening(
-                "window",
-                centre - wide / 2,
-                floor * storey + 1.1,
-                wide,
-                high,
-                recess,
-                style,
-                behind(rng, home=False),
-            )
-    pier = near(rng, (0.5, 0.35, 0.28))
-    if rng.random() < 0.5:
-        for index in range(len(centres) + 1):
-            draft.box(index * pitch - 0.2, 0.0, 0.4, draft.height_m, 0.12, pier)
-    pipes(draft, int(rng.integers(0, 3)), near(rng, (0.4, 0.4, 0.4)))
-    decoys(draft, int(rng.integers(0, 4)))
-    wall = near(
-        rng,
-        choose(rng, [(0.48, 0.25, 0.18), (0.62, 0.5, 0.33), (0.62, 0.61, 0.58), (0.72, 0.7, 0.64)]),
-    )
-    finish = Finish(
-        choose(rng, ["brick", "panel", "plaster", "metal"], (5, 2, 1, 1)),
-        wall,
-        near(rng, (0.55, 0.53, 0.5)),
-        round(rng.uniform(0.3, 1.0), 2),
-        (round(pitch, 3), round(storey, 3)),
-    )
-    return draft.plan("works", finish, float(rng.choice([0.0, 0.8])))
 
 
 def gable(rng: np.random.Generator, width_m: float, height_m: float) -> FacadePlan:

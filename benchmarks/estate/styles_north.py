@@ -1,14 +1,21 @@
-"""Facades of the north: Million Programme, 1930s to 1950s plaster, timber, panel blocks."""
+"""Facades of the north: Million Programme, plaster of the 1930s to 1950s."""
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from benchmarks.estate.plan import Finish, Rgb, WindowStyle
 from benchmarks.estate.styles_draft import Draft, FacadePlan, axes, behind, choose, near
-from benchmarks.estate.styles_parts import FRAMES, WHITE, decoys, entrance, home_window, pipes
+from benchmarks.estate.styles_parts import (
+    FRAMES,
+    WHITE,
+    decoys,
+    entrance,
+    home_window,
+    pipes,
+)
 
 MILLION: tuple[Rgb, ...] = (
     (0.72, 0.70, 0.66),
@@ -19,6 +26,8 @@ MILLION: tuple[Rgb, ...] = (
     (0.47, 0.30, 0.23),
     (0.83, 0.76, 0.60),
 )
+
+
 PLASTER: tuple[Rgb, ...] = (
     (0.82, 0.70, 0.46),
     (0.76, 0.55, 0.38),
@@ -145,7 +154,7 @@ def _balcony_bay(
 def _coloured_panels(draft: Draft, rgb: Rgb) -> None:
     """Sheets between neighbours of one row, and below windows: they make a band, not a window."""
     row = sorted(draft.openings, key=lambda o: (o.y_m, o.x_m))
-    for one, other in itertools.pairwise(row):
+    for one, other in pairwise(row):
         start, end = one.x_m + one.width_m, other.x_m
         if one.depth_m == other.depth_m == 0 and one.y_m == other.y_m and 0.1 < end - start < 1.8:
             draft.box(start, one.y_m, end - start, min(one.height_m, other.height_m), 0.015, rgb)
@@ -203,142 +212,3 @@ def functionalist(rng: np.random.Generator, width_m: float, height_m: float) -> 
     pipes(draft, int(rng.integers(0, 3)), near(rng, (0.45, 0.45, 0.44)))
     decoys(draft, int(rng.integers(0, 4)))
     return draft.plan("functionalist plaster", finish, base - 0.1)
-
-
-def timber(rng: np.random.Generator, width_m: float, height_m: float) -> FacadePlan:
-    """Wooden houses of the north: boards, white trim, small panes."""
-    storey = rng.uniform(2.6, 3.0)
-    floors = int(np.clip((height_m - 0.9) // storey, 1, 3))
-    draft = Draft(rng, min(width_m, rng.uniform(8, 16)), 0.6 + floors * storey)
-    walls = [
-        (0.48, 0.13, 0.09),
-        (0.83, 0.72, 0.42),
-        (0.80, 0.80, 0.77),
-        (0.35, 0.38, 0.40),
-        (0.24, 0.30, 0.24),
-        (0.68, 0.74, 0.78),
-    ]
-    trim = near(rng, choose(rng, [WHITE, WHITE, (0.15, 0.25, 0.2), (0.7, 0.6, 0.4)]))
-    style = WindowStyle(
-        lights=choose(rng, [(0.5, 0.5), (1.0,), (1 / 3, 1 / 3, 1 / 3)], (5, 2, 1)),
-        bars=choose(rng, [(1, 1), (1, 2), (1, 3), (2, 2), (2, 3)]),
-        frame_m=round(rng.uniform(0.06, 0.09), 3),
-        frame_rgb=trim,
-        surround_m=round(rng.uniform(0.08, 0.16), 3),
-        surround_rgb=near(rng, trim, 0.02),
-    )
-    wide, high = rng.uniform(0.9, 1.5), rng.uniform(1.0, 1.5)
-    centres = axes(rng, draft.width_m, rng.uniform(2.2, 3.4), choose(rng, ["even", "uneven"]))
-    door = int(rng.integers(len(centres)))
-    for floor in range(floors):
-        for index, centre in enumerate(centres):
-            if floor == 0 and index == door:
-                entrance(draft, centre, 0.45, 1.0, 2.1, trim)
-                continue
-            home_window(
-                draft,
-                centre,
-                0.45 + floor * storey + 0.85,
-                wide,
-                high,
-                rng.uniform(0.01, 0.04),
-                style,
-            )
-    for x in (0.0, draft.width_m - 0.16):
-        draft.box(x, 0.4, 0.16, draft.height_m - 0.4, 0.03, trim)
-    if floors > 1 and rng.random() < 0.5:
-        draft.box(0.0, 0.45 + storey - 0.12, draft.width_m, 0.14, 0.03, trim)
-    decoys(draft, int(rng.integers(0, 2)))
-    finish = Finish(
-        "boards", near(rng, choose(rng, walls)), weathering=round(rng.uniform(0.1, 0.9), 2)
-    )
-    return draft.plan("timber house", finish, 0.45, near(rng, (0.5, 0.5, 0.48)))
-
-
-def panel_block(rng: np.random.Generator, width_m: float, height_m: float) -> FacadePlan:
-    """Eastern panel block: mixed frames, balconies glazed by their owners, seams, conditioners."""
-    storey = rng.uniform(2.65, 2.85)
-    floors = int(np.clip((height_m - 0.8) // storey, 3, 9))
-    draft = Draft(rng, width_m, 0.5 + floors * storey + 0.3)
-    pitch = rng.uniform(2.9, 3.6)
-    centres = axes(rng, width_m, pitch, "even")
-    kinds = [choose(rng, ["window", "balcony", "narrow"], (4, 3, 1)) for _ in centres]
-    wide, high = rng.uniform(1.3, 2.0), rng.uniform(1.35, 1.55)
-    recess = rng.uniform(0.05, 0.15)
-    guard = near(rng, choose(rng, [(0.65, 0.63, 0.58), (0.35, 0.5, 0.55), (0.6, 0.4, 0.3)]))
-    pitch = width_m / len(centres)
-    for floor in range(floors):
-        for centre, kind in zip(centres, kinds, strict=True):
-            y = 0.5 + floor * storey
-            frame = near(rng, choose(rng, FRAMES, (6, 1, 3, 0.5, 1, 0.5, 0.5)))
-            style = WindowStyle(
-                lights=choose(rng, [(0.5, 0.5), (0.35, 0.65), (1 / 3, 1 / 3, 1 / 3)]),
-                frame_m=round(rng.uniform(0.06, 0.11), 3),
-                frame_rgb=frame,
-                transom=0.75 if rng.random() < 0.2 else None,
-            )
-            if kind == "balcony" and floor > 0:
-                span = pitch - 0.35
-                if rng.random() < 0.5:
-                    glazing = replace(style, lights=(0.25,) * 4, sill_m=0.0)
-                    draft.box(centre - span / 2, y - 0.15, span, 1.08, 0.06, near(rng, guard, 0.12))
-                    draft.opening(
-                        "window",
-                        centre - span / 2,
-                        y + 0.95,
-                        span,
-                        storey - 1.25,
-                        0.02,
-                        glazing,
-                        behind(rng),
-                    )
-                else:
-                    door = replace(style, lights=(1.0,), panel=0.35, sill_m=0.0)
-                    draft.balcony(
-                        choose(rng, ["solid", "railing"]),
-                        centre - span / 2,
-                        y,
-                        span,
-                        0.95,
-                        near(rng, guard, 0.1),
-                        clear_m=2.4,
-                        things=bool(rng.random() < 0.5),
-                    )
-                    draft.opening(
-                        "balcony_door",
-                        centre - 1.05,
-                        y + 0.08,
-                        0.75,
-                        0.82 + high,
-                        recess,
-                        door,
-                        behind(rng),
-                    )
-                    draft.opening(
-                        "window",
-                        centre - 0.25,
-                        y + 0.9,
-                        1.2,
-                        high,
-                        recess,
-                        style,
-                        behind(rng),
-                        gap_m=0.02,
-                    )
-            else:
-                size = 0.9 if kind == "narrow" else wide
-                home_window(draft, centre, y + 0.9, size, high, recess, style)
-    finish = Finish(
-        choose(rng, ["panel", "tiles", "plaster"], (5, 2, 1)),
-        near(
-            rng,
-            choose(
-                rng, [(0.7, 0.68, 0.63), (0.78, 0.76, 0.72), (0.62, 0.66, 0.68), (0.74, 0.66, 0.55)]
-            ),
-        ),
-        near(rng, (0.4, 0.39, 0.37)),
-        round(rng.uniform(0.4, 1.0), 2),
-        (round(pitch, 3), round(storey, 3)),
-    )
-    decoys(draft, int(rng.integers(1, 5)))
-    return draft.plan("panel block", finish, 0.45)
