@@ -7,17 +7,24 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from benchmarks.estate.facades import Levels, Point, Side, bays_of, wall_of
+from benchmarks.estate.bays import Levels, Point, Side, bays_of
+from benchmarks.estate.facades import wall_of
 from benchmarks.estate.fenestration import between, pick
 from benchmarks.estate.looks import Look, look_of
 from benchmarks.estate.plan import BalconyKind, Building, FinishKind, millimetres, rng_of
 
 # Per number of bays: the sides of one landing with the stairs and with the balconies.
-STAIR_UNITS = {3: "bSk", 4: "bSkb", 5: "bkSkb", 6: "bkStkb", 7: "bbkSkbb"}
+STAIR_UNITS = {
+    3: ("bSk",),
+    4: ("bSkb", "bkSb"),
+    5: ("bkSkb", "kbSbk"),
+    6: ("bkStkb", "btSkbb", "bbSkkb"),
+    7: ("bbkSkbb", "bktStkb"),
+}
 BALCONY_UNITS = {
     3: ("bBb",),
     4: ("BbbB", "bBBb"),
-    5: ("bBbBb", "BbbbB"),
+    5: ("bBbBb", "BbbbB", "BblbB"),
     6: ("bBbbBb", "BblbbB"),
     7: ("bbBbBbb", "bBbbbBb"),
 }
@@ -58,11 +65,12 @@ def slab_block(name: str, slab: Slab, seed: int) -> Building:
     """
     rng = rng_of(seed, name)
     look = _look(rng, slab.length_m / sum(slab.units), slab.levels, slab)
-    pattern = int(rng.integers(2))
-    stairs = bays_of(*(STAIR_UNITS[unit] for unit in slab.units))
-    balconies = bays_of(
-        *(BALCONY_UNITS[unit][pattern % len(BALCONY_UNITS[unit])] for unit in slab.units)
-    )
+    plans = {
+        unit: (pick(rng, STAIR_UNITS[unit]), pick(rng, BALCONY_UNITS[unit]))
+        for unit in sorted(set(slab.units))
+    }
+    stairs = bays_of(*(plans[unit][0] for unit in slab.units))
+    balconies = bays_of(*(plans[unit][1] for unit in slab.units))
     front, back = (stairs, balconies) if slab.front == "stairs" else (balconies, stairs)
     left, right, depth = -slab.length_m / 2, slab.length_m / 2, slab.depth_m
     sides = (
@@ -121,17 +129,16 @@ def b3(seed: int) -> Building:
     levels = Levels(1.2, 2.8, 3, 11.0)
     module = 71.6 / 25
     look = _look(rng, module, levels, Slab(71.6, 12.6, (5,) * 5, levels, roof="flat"))
-    pattern = int(rng.integers(2))
+    stairs, front = pick(rng, STAIR_UNITS[5]), pick(rng, BALCONY_UNITS[5])
     short, depth, step = int(rng.integers(2, 4)), 11.2, between(rng, 1.8, 2.6, 0.2)
     split = millimetres(5 * short * module)
-    fronts = [BALCONY_UNITS[5][pattern]] * 5
     sides = (
-        Side((0.0, -step), (split, -step), bays_of(*fronts[:short])),
+        Side((0.0, -step), (split, -step), bays_of(*[front] * short)),
         Side((split, -step), (split, 0.0), ()),
-        Side((split, 0.0), (71.6, 0.0), bays_of(*fronts[short:])),
+        Side((split, 0.0), (71.6, 0.0), bays_of(*[front] * (5 - short))),
         Side((71.6, 0.0), (71.6, depth), bays_of("-b-" if rng.integers(2) else "b-b"), gable=True),
-        Side((71.6, depth), (0.0, depth), bays_of(*[STAIR_UNITS[5]] * 5)),
-        Side((0.0, depth), (0.0, -step), (), gable=True),
+        Side((71.6, depth), (0.0, depth), bays_of(*[stairs] * 5)),
+        Side((0.0, depth), (0.0, -step), bays_of(pick(rng, ("", "---s"))), gable=True),
     )
     return _house("b3", sides, levels, look, seed)
 

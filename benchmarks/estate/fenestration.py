@@ -99,8 +99,14 @@ class WindowSet:
     entrance_rgb: Rgb
 
 
-def window_set(rng: np.random.Generator, finish: FinishKind, storey_m: float) -> WindowSet:
-    """The windows of one house: one firm made them, so they share height, frames and division."""
+def window_set(
+    rng: np.random.Generator, finish: FinishKind, module_m: tuple[float, float]
+) -> WindowSet:
+    """The windows of one house: one firm made them, so they share height, frames and division.
+
+    They suit rooms of a width and a storey of a height, ``module_m``.
+    """
+    room_m, storey_m = module_m
     height = between(rng, 1.20, 1.40)
     head = millimetres(between(rng, 0.85, 0.95) + height)
     family = pick(rng, ("wide-narrow", "wide-narrow", "halves", "picture", "ribbon"))
@@ -116,14 +122,16 @@ def window_set(rng: np.random.Generator, finish: FinishKind, storey_m: float) ->
         "picture": (0.7, 0.3),
         "ribbon": (0.25, 0.25, 0.25, 0.25),
     }[family]
-    bed = WindowType(between(rng, 1.2, 1.6), height, two)
+    bed = WindowType(between(rng, *_shares(room_m, 0.42, 0.52)), height, two)
     if family == "ribbon":
-        bed = WindowType(between(rng, 1.6, 1.9), height, (1 / 3, 1 / 3, 1 / 3))
+        bed = WindowType(between(rng, *_shares(room_m, 0.54, 0.66)), height, (1 / 3, 1 / 3, 1 / 3))
     kitchen_height = pick(rng, (height, height, millimetres(height - 0.15)))
-    kitchen = WindowType(between(rng, 1.1, 1.4), kitchen_height, two)
+    kitchen = WindowType(between(rng, *_shares(room_m, 0.36, 0.46)), kitchen_height, two)
     living = WindowType(between(rng, 1.9, 2.4), height, three)
     beside = WindowType(between(rng, 1.0, 1.4), height, pick(rng, ((1.0,), two)))
     low_recess, high_recess = RECESSES_M[finish]
+    if finish == "plaster" and rng.random() < 0.3:  # insulated from outside since
+        low_recess, high_recess = RECESSES_M["metal"]
     stair = pick(rng, ("landing", "landing", "strip"))
     if stair == "strip":
         stair_type = WindowType(
@@ -156,12 +164,17 @@ def window_set(rng: np.random.Generator, finish: FinishKind, storey_m: float) ->
     )
 
 
+def _shares(length_m: float, low: float, high: float) -> tuple[float, float]:
+    """Two shares of a length on steps of 0.05 m."""
+    return round(length_m * low / 0.05) * 0.05, round(length_m * high / 0.05) * 0.05
+
+
 def behind(rng: np.random.Generator, use: Use) -> Behind:
     """What is seen behind the glass of one window, by the use of its room."""
     if use == "bath":
         return Behind(curtain=0.0, blind=1.0, blind_rgb=(0.74, 0.76, 0.77))
     if use in {"stair", "store"}:
-        return Behind(curtain=0.0, light=0.5 if rng.random() < 0.15 else 0.0)
+        return Behind(curtain=0.0, light=0.4 if rng.random() < 0.05 else 0.0)
     drawn = rng.random()
     curtain = rng.uniform(0.12, 0.42)
     if use == "bed" and drawn < 0.12:
@@ -175,7 +188,7 @@ def behind(rng: np.random.Generator, use: Use) -> Behind:
         curtain_rgb=pick(rng, CURTAINS),
         blind=millimetres(blind),
         blind_rgb=(millimetres(grey), millimetres(grey * 0.99), millimetres(grey * 0.96)),
-        light=millimetres(rng.uniform(0.4, 1.0)) if rng.random() < 0.06 else 0.0,
+        light=millimetres(rng.uniform(0.3, 0.8)) if rng.random() < 0.03 else 0.0,
         things=bool(rng.random() < 0.45),
     )
 
@@ -270,4 +283,17 @@ def entrance(windows: WindowSet, centre_m: float) -> Opening:
             sill_m=0.0,
         ),
         Behind(curtain=0.0, light=0.2),
+    )
+
+
+def store_door(windows: WindowSet, centre_m: float) -> Opening:
+    """A steel door to bicycles or refuse, without glass."""
+    return Opening(
+        "door",
+        millimetres(centre_m - 0.5),
+        0.08,
+        1.0,
+        2.05,
+        millimetres(windows.recess_m + 0.05),
+        WindowStyle(panel=1.0, frame_m=0.08, frame_rgb=windows.entrance_rgb, sill_m=0.0),
     )

@@ -60,7 +60,8 @@ class BalconyStyle:
 class Look:
     """Skin, windows, balconies and roof of one house.
 
-    ``apron_rgb`` colours thin boards below the windows, None where there are none.
+    ``boards`` are thin boards below the windows, or between them so that the windows of a storey
+    make one band.
     """
 
     year: int
@@ -71,7 +72,8 @@ class Look:
     balcony: BalconyStyle
     roof: Roof
     downpipes: bool
-    apron_rgb: Rgb | None
+    boards: Literal["none", "below", "between"]
+    board_rgb: Rgb
     metal_rgb: Rgb
 
 
@@ -111,6 +113,7 @@ def look_of(
         other: FinishKind = "brick" if kind != "brick" else "plaster"
         gable = _finish(rng, other, module_m)
     gabled = roof == "gable" or (roof == "any" and bool(rng.integers(2)))
+    front = pick(rng, FRONTS)
     grey = between(rng, 0.36, 0.50, 0.02)
     balcony_kind = pick(rng, balconies)
     return Look(
@@ -118,12 +121,12 @@ def look_of(
         finish=finish,
         gable_finish=gable,
         plinth_rgb=(grey, millimetres(grey * 0.98), millimetres(grey * 0.95)),
-        windows=window_set(rng, kind, module_m[1]),
+        windows=window_set(rng, kind, module_m),
         balcony=BalconyStyle(
             balcony_kind,
             between(rng, 1.2, 1.5) if balcony_kind == "loggia" else between(rng, 1.3, 1.8),
             between(rng, 0.95, 1.10),
-            pick(rng, FRONTS),
+            front,
             side_walls=bool(balcony_kind == "solid" and rng.random() < 0.3),
         ),
         roof=(
@@ -137,6 +140,7 @@ def look_of(
             else Roof("flat", 0.10, 0.0, (0.22, 0.22, 0.23), between(rng, 0.12, 0.30, 0.02))
         ),
         downpipes=gabled or rng.random() < 0.3,
-        apron_rgb=pick(rng, FRONTS) if kind != "brick" and rng.random() < 0.3 else None,
+        boards="none" if kind == "brick" else pick(rng, ("none", "none", "below", "between")),
+        board_rgb=pick(rng, (front, front, (0.22, 0.20, 0.19), (0.34, 0.24, 0.18))),
         metal_rgb=pick(rng, ((0.30, 0.24, 0.20), (0.62, 0.63, 0.63), (0.20, 0.21, 0.22))),
     )

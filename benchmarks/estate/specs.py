@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from benchmarks.estate.bays import Levels, Point
 from benchmarks.estate.buildings import Slab, b1, b2, b3, moved, point_block, slab_block, turned
-from benchmarks.estate.facades import Levels, Point
 from benchmarks.estate.fenestration import between, pick
 from benchmarks.estate.plan import Building, Estate, Light, Street, millimetres, rng_of
 from benchmarks.estate.sight import seen_shares
