@@ -189,7 +189,7 @@ def _furniture(balcony: Balcony, rng: np.random.Generator) -> Parts:
         if x0 <= centre <= x1:
             parts.add(_chair(wood, centre, y, z, side))
     for _ in range(int(rng.integers(0, 4))):
-        parts.add(_plant(rng.uniform(x0, x1), y, z1 + 0.1, rng.uniform(0.8, 1.5), rng))
+        parts.add(_plant(rng.uniform(x0, x1), y, z1 - 0.02, rng.uniform(0.8, 1.5), rng))
     if rng.random() < 0.35 and balcony.kind != "loggia":
         parts.add(_flower_box(balcony, rng))
     if rng.random() < 0.2 and balcony.clear_m > 2.2:
@@ -229,12 +229,12 @@ def _plant(x: float, y: float, z: float, size: float, rng: np.random.Generator) 
         cylinder(pot, (x, y, z), (x, y + 0.25, z), 0.11, end_radius_m=0.14, sides=9)
     )
     green = fixed(parts, ("leaf_hedge", "leaf_linden", "leaf_maple")[int(rng.integers(3))])
-    radii = size * rng.uniform(0.16, 0.26, 3)
+    radii = size * rng.uniform(0.16, 0.24, 3) * (1.0, 1.0, 0.8)
     middle = (x, y + 0.25 + 0.9 * radii[1], z)
-    parts.meshes.append(leaves(green, middle, radii, int(90 * size), 0.09, rng))
+    parts.meshes.append(leaves(green, middle, radii, int(110 * size), 0.075, rng))
     if size > 1.1:  # a small tree
         crown = (x, y + 0.55 + 0.9 * radii[1], z)
-        parts.meshes.append(leaves(green, crown, radii * 1.2, int(90 * size), 0.09, rng))
+        parts.meshes.append(leaves(green, crown, radii * 1.2, int(110 * size), 0.075, rng))
     return parts
 
 
@@ -254,6 +254,6 @@ def _flower_box(balcony: Balcony, rng: np.random.Generator) -> Parts:
             break
         parts.meshes.append(box(case, (left, top - 0.16, z - 0.08), (left + 0.8, top, z + 0.08)))
         middle = (left + 0.4, top + 0.03, z + 0.02)
-        parts.meshes.append(leaves(green, middle, (0.42, 0.13, 0.12), 70, 0.07, rng))
-        parts.meshes.append(leaves(bloom, middle, (0.42, 0.16, 0.14), 40, 0.045, rng))
+        parts.meshes.append(leaves(green, middle, (0.42, 0.12, 0.11), 150, 0.06, rng))
+        parts.meshes.append(leaves(bloom, middle, (0.42, 0.15, 0.13), 45, 0.05, rng))
     return parts

@@ -193,5 +193,5 @@ def _things(opening: Opening, z: float, rng: np.random.Generator) -> Parts:
         green = fixed(parts, ("leaf_hedge", "leaf_linden", "leaf_maple")[int(rng.integers(3))])
         radii = rng.uniform(0.08, 0.15, 3) * (1.0, 1.2, 0.5)
         middle = (x, y + 0.10 + 0.8 * radii[1], z)
-        parts.meshes.append(leaves(green, middle, radii, 15, 0.12, rng))
+        parts.meshes.append(leaves(green, middle, radii, 14, 0.12, rng))
     return parts
