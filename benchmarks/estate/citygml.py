@@ -44,6 +44,7 @@ STOREY_M = 3.1
 ROAD_M = 7.0
 KERB_M = 9.0  # from the building to the road
 BEYOND_M = 95.0  # the road runs on past the building
+SAME_SIDE = 0.94  # cosine between walls of one side
 DRIVEN_BEYOND_M = 10.0  # and the vehicle
 
 
@@ -127,7 +128,7 @@ def read_citygml(path: Path, seed: int = 1) -> Reading:
 
 
 def ingolstadt_estate(stem: str, seed: int, folder: Path | None = None) -> Estate:
-    """One real building with a street along its widest wall with windows, and surroundings.
+    """One real building with a street along the side with most windows, and surroundings.
 
     Parameters
     ----------
@@ -246,19 +247,25 @@ def _wall(
 
 
 def _street(buildings: Sequence[Building]) -> Street:
-    """A road along the widest wall with windows, in front of all that stands out farther."""
+    """A road along the side with most window area, in front of all that stands out farther."""
     walls = [wall for building in buildings for wall in building.walls]
-    glazed = [wall for wall in walls if wall.openings] or walls
-    wall = max(glazed, key=lambda w: (w.width_m, w.id))
+    outward = np.array([wall.world_from_facade.rotation[:2, 2] for wall in walls])
+    areas_m2 = [sum(o.width_m * o.height_m for o in wall.openings) for wall in walls]
+    per_side_m2 = (outward @ outward.T > SAME_SIDE) @ np.array(areas_m2)
+    # Rounded, so that a front's own walls stand equal and the widest of them decides.
+    keys = [
+        (round(float(side), 6), wall.width_m, wall.id)
+        for side, wall in zip(per_side_m2, walls, strict=True)
+    ]
+    wall = walls[keys.index(max(keys))]
     start, end = np.array(wall.start), np.array(wall.end)
     along = (end - start) / wall.width_m
-    outward = np.array([along[1], -along[0]])
+    front = np.array([along[1], -along[0]])
     corners = np.concatenate([building.outline for building in buildings]) - start
-    away_m = (corners @ outward).max() + KERB_M + ROAD_M / 2
+    away_m = (corners @ front).max() + KERB_M + ROAD_M / 2
     reach = corners @ along
     ends = (
-        start + along * x + outward * away_m
-        for x in (reach.min() - BEYOND_M, reach.max() + BEYOND_M)
+        start + along * x + front * away_m for x in (reach.min() - BEYOND_M, reach.max() + BEYOND_M)
     )
     first, last = (tuple(millimetres(v) for v in point) for point in ends)
     return Street((first, last), ROAD_M)
