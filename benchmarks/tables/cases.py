@@ -126,6 +126,8 @@ def make(case: Case, size: str, paths: Sequence[str], limit_s: float, *, again: 
     if not build.done:
         return _read(replace(case, build=build, problem=f"rendering failed: {build.reason}"))
     truth = case.set_folder / "truth" / "model.hbjson"
+    if not truth.exists():
+        return _read(replace(case, problem=f"{truth} is missing; remove {case.record('build')}"))
     stage = run_stage(
         case.record(case.run_name),
         _run_command(case),
@@ -136,6 +138,9 @@ def make(case: Case, size: str, paths: Sequence[str], limit_s: float, *, again: 
     )
     if not stage.done:
         return _read(replace(case, problem=f"the run failed: {stage.reason}"))
+    model = case.run_folder / "model.hbjson"
+    if not model.exists():
+        return _read(replace(case, problem=f"the run wrote no {model.name}"))
     scores = run_stage(
         case.record(f"{case.run_name}-scores"),
         [
@@ -143,7 +148,7 @@ def make(case: Case, size: str, paths: Sequence[str], limit_s: float, *, again: 
             *("--truth", str(truth), "-o", str(case.scores_folder), "--overwrite"),
         ],
         limit_s=limit_s,
-        key=sha256_of(case.run_folder / "model.hbjson"),
+        key=sha256_of(model),
     )
     problem = "" if scores.done else f"the evaluation failed: {scores.reason}"
     return _read(replace(case, problem=problem))

@@ -38,7 +38,7 @@ def worst_facade(evaluation: Json) -> Json | None:
 
 def write_worst(case: Case, folder: Path) -> Path | None:
     """The PNG of the case's worst facade in ``folder``; an older one of the same run goes."""
-    stem = f"{case.building}-seed{case.seed}-{case.run_name}"
+    stem = f"{case.building.replace(':', '-')}-seed{case.seed}-{case.run_name}"
     for old in folder.glob(f"{stem}-*.png"):
         old.unlink()
     facade = None if case.evaluation is None else worst_facade(case.evaluation)

@@ -77,6 +77,7 @@ def run_stage(
     if before is not None and before.done and same and not extra:
         return before
     record.parent.mkdir(parents=True, exist_ok=True)
+    record.unlink(missing_ok=True)  # what is cut off now was never done
     log = record.with_suffix(".log")
     start = time.monotonic()
     with log.open("wb") as stream:
