@@ -66,6 +66,15 @@ def test_a_new_wall_has_about_the_colour_of_its_finish(kind: str) -> None:
     assert plinth == pytest.approx(wall.plinth_rgb, abs=0.04)
 
 
+@pytest.mark.parametrize("kind", WALL_KINDS)
+@pytest.mark.parametrize("size", [(0.05, 0.05, 1, 1), (0.3, 12.0, 30, 400), (40.0, 0.2, 400, 2)])
+def test_slivers_of_wall_can_be_painted(kind: str, size: tuple[float, float, int, int]) -> None:
+    width_m, height_m, width_px, height_px = size
+    wall = replace(wall_of(kind), end=(width_m, 0.0), height_m=height_m)
+    picture = paint_wall(wall, width_px, height_px, rng_of(11))
+    assert picture.shape == (height_px, width_px, 3)
+
+
 def test_courses_of_brick_repeat_every_74_mm() -> None:
     picture = paint_wall(bare("brick", 3.0, 3.0), 750, 1500, rng_of(4)).astype(float)
     profile = picture.mean((1, 2))

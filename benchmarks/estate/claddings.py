@@ -88,7 +88,7 @@ def metal(sheet: Sheet, finish: Finish, rng: np.random.Generator) -> Field:
     phase = np.mod(sheet.x_m / np.float32(period_m), 1.0)
     ridge = smooth(0.0, 0.18, phase) * smooth(0.68, 0.5, phase)
     soft = min(1.0, period_m / (3 * sheet.m_per_px))
-    light = 1 + np.float32(0.05 * soft) * (ridge - np.float32(0.5))[None, :]
+    light = 1 + np.float32(0.08 * soft) * (ridge - np.float32(0.5))[None, :]
     light = light - np.float32(0.06 * soft) * smooth(0.10, 0.0, np.abs(phase - 0.62))[None, :]
     laps_m = np.arange(1.0, sheet.width_m, 1.0)
     light = light - np.float32(0.10) * covered(laps_m, laps_m + 0.006, sheet.x_edges_m)[None, :]
@@ -97,7 +97,7 @@ def metal(sheet: Sheet, finish: Finish, rng: np.random.Generator) -> Field:
     light = light - np.float32(0.25) * covered(ends - 0.01, ends, sheet.y_edges_m)[:, None]
     light += np.float32(0.010) * sheet.soft_clouds((2.0, 0.5), 3, rng)
     light += np.float32(0.012) * sheet.grain(rng)
-    light += np.float32(0.014) * sheet.clouds((0.5, 0.03), 1, rng)
+    light += np.float32(0.006) * sheet.clouds((0.5, 0.03), 1, rng)
     light -= np.float32(0.12) * sheet.specks(2.0, 0.010, rng)
     tone = rng.uniform(-0.012, 0.012, len(laps_m) + 1).astype(np.float32)
     light += tone[np.searchsorted(laps_m, sheet.x_m)][None, :]

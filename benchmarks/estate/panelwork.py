@@ -169,9 +169,9 @@ def _stain_joints(
     stain = np.repeat(stain_x[None, :], len(y_m), axis=0)
     column = np.searchsorted(upright, x_m)
     for place, runs in zip(level, kept, strict=True):
-        below = np.exp(-(place - y_m) / rng.uniform(0.10, 0.30)) * (y_m <= place)
-        above = np.exp(-(y_m - place) / 0.04) * (y_m > place)
-        along = ((below + 0.7 * above) * rng.uniform(0.5, 1)).astype(np.float32)
+        off_m = np.abs(y_m - place)
+        below, above = np.exp(-off_m / rng.uniform(0.10, 0.30)), 0.7 * np.exp(-off_m / 0.04)
+        along = (np.where(y_m <= place, below, above) * rng.uniform(0.5, 1)).astype(np.float32)
         stain += along[:, None] * runs[column][None, :]
     stain = np.minimum(stain, np.float32(1.2))
     light *= 1 - sheet.fitted(np.float32(0.05 + 0.13 * weathering) * stain * uneven)
