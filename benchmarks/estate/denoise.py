@@ -1,8 +1,8 @@
 """Renderer noise taken out of a picture by Intel Open Image Denoise; textures stay sharp.
 
-What is denoised is the light, not the picture: radiance divided by albedo. The albedo is nearly
-free of noise and is multiplied back, so bricks and joints never pass through the network's hands
-(what Schied et al., 2017, call demodulation).
+What is denoised is the light, not the picture: radiance divided by albedo. The albedo costs little,
+is nearly free of noise and is multiplied back, so that bricks and joints never go through the
+network (demodulation, as in Schied et al., 2017).
 
 Áfra, A. T. (2019). Intel Open Image Denoise, https://www.openimagedenoise.org
 Schied, C. et al. (2017). Spatiotemporal variance-guided filtering. High-Performance Graphics.
@@ -25,7 +25,6 @@ from si3fp.errors import MissingDependencyError
 
 TILE_PX = 1536
 OVERLAP_PX = 96  # the network looks about this far
-DARKEST_ALBEDO = 0.03
 FLOAT3 = 3
 LIBRARIES = {  # in the order in which they are loaded
     "linux": ("lib.linux.x64/libtbb.so.12*", "lib.linux.x64/libOpenImageDenoise.so*"),
@@ -74,22 +73,18 @@ def available() -> bool:
 
 
 def denoised(
-    radiance: NDArray[np.float32],
-    albedo: NDArray[np.float32],
-    normal: NDArray[np.float32],
-    seen: NDArray[np.bool_],
+    light: NDArray[np.float32], normal: NDArray[np.float32], seen: NDArray[np.bool_]
 ) -> NDArray[np.float32]:
-    """Radiance (H, W, 3) without the renderer's noise.
+    """Light (H, W, 3) without the renderer's noise, 0 where not ``seen`` (H, W).
 
-    ``albedo`` and ``normal`` (H, W, 3) are those of the first surface. Only tiles with something
-    ``seen`` (H, W) are worked on.
+    ``normal`` (H, W, 3) is that of the first surface. Only tiles with something seen are worked on.
     """
     library = _library()
     if library is None:
         raise MissingDependencyError(
             "The denoiser needs the package oidn; install it with: pip install 'si3fp[estate]'"
         )
-    result = np.zeros_like(radiance)
+    result = np.zeros_like(light)
     rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
     if not len(rows):
         return result
@@ -100,31 +95,32 @@ def denoised(
             range(rows[0], rows[-1] + 1, TILE_PX), range(columns[0], columns[-1] + 1, TILE_PX)
         ):
             bottom, right = min(top + TILE_PX, rows[-1] + 1), min(left + TILE_PX, columns[-1] + 1)
-            if not seen[top:bottom, left:right].any():
+            wanted = seen[top:bottom, left:right]
+            if not wanted.any():
                 continue
             y0, x0 = max(top - OVERLAP_PX, 0), max(left - OVERLAP_PX, 0)
             tile = np.s_[y0 : bottom + OVERLAP_PX, x0 : right + OVERLAP_PX]
-            base = np.maximum(albedo[tile], DARKEST_ALBEDO)
-            light = _filtered(library, device, radiance[tile] / base, base, normal[tile])
-            inner = np.s_[top - y0 : bottom - y0, left - x0 : right - x0]
-            result[top:bottom, left:right] = (light * base)[inner]
+            clean = _filtered(library, device, light[tile], normal[tile])
+            clean = clean[top - y0 : bottom - y0, left - x0 : right - x0]
+            result[top:bottom, left:right] = clean * wanted[..., None]
     finally:
         library.oidnReleaseDevice(device)
-    result[~seen] = 0
     return result
 
 
 def _filtered(
-    library: Any,
-    device: int,
-    light: NDArray[np.float32],
-    albedo: NDArray[np.float32],
-    normal: NDArray[np.float32],
+    library: Any, device: int, light: NDArray[np.float32], normal: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """One tile through the network."""
-    output = np.empty_like(light)
-    images = {"color": light, "albedo": albedo, "normal": normal, "output": output}
-    images = {name: np.ascontiguousarray(image, np.float32) for name, image in images.items()}
+    """One tile through the network. It takes normals only beside an albedo: here 1 everywhere."""
+    images = {
+        name: np.ascontiguousarray(image, np.float32)
+        for name, image in (
+            ("color", light),
+            ("albedo", np.ones_like(light)),
+            ("normal", normal),
+            ("output", np.zeros_like(light)),
+        )
+    }
     task = library.oidnNewFilter(device, b"RT")
     try:
         for name, image in images.items():

@@ -24,7 +24,7 @@ BRIGHTEST = 6.0  # radiance of what is seen directly
 BRIGHTEST_INDIRECT = 1.0  # more than this by way of a rough surface is chance, not a picture
 ROUGHEST_MIRROR = 0.35  # what rough surfaces see of shiny ones is blurred: no caustics
 EPSILON_M = 1e-3
-R2_STEPS = (0.7548777, 0.5698403)  # Roberts (2018): spreads samples of a pixel evenly
+MOST_PANES = 5
 
 
 @dataclass
@@ -70,21 +70,64 @@ class Tracer:
         self.mi, self.opaque, self.glass, self.surfaces, self.sky = mi, opaque, glass, surfaces, sky
 
     def traced(
-        self, origin: Any, direction: Any, sample: Any, shift: list[Any], rng: Any, max_depth: Any
+        self, origin: Any, direction: Any, even: list[Any], rng: Any, max_depth: Any
     ) -> tuple[Any, Any, Any]:
         """Radiance, albedo and normal of the first surface that is not glass, per ray.
 
-        ``sample`` counts the samples of a pixel and ``shift`` (4 numbers in 0..1) is its own
-        offset: together they spread the first bounce and the sun's disc over a pixel's samples.
+        ``even`` are 5 numbers in 0..1 per ray that lie evenly among the samples of a pixel: one
+        for the choice at a first pane, two for the sun's disc, two for the first bounce.
         """
         mi = self.mi
+        path = self._start(origin, direction, rng)
+
+        def bounced(path: Path) -> tuple[Path]:
+            hit, pane, on_glass = self._met(path)
+            fresh = mi.Bool(path.first)
+            numbers = [
+                dr.select(
+                    fresh & (path.depth == 0) if k == 0 else fresh,
+                    value,
+                    path.rng.next_float32(path.active),
+                )
+                for k, value in enumerate(even)
+            ]
+            self._through_glass(path, pane, on_glass, numbers[0])
+            path.first &= on_glass
+            sunlight = self._sunlight(path, hit, mi.Point2f(numbers[1], numbers[2]))
+            self._add(path, hit.valid, sunlight, fresh)
+            which = path.rng.next_float32(path.active)
+            self._scatter(path, hit, mi.Point2f(numbers[3], numbers[4]), which)
+            path.active = hit.valid | on_glass
+            self._roulette(path, max_depth)
+            return (path,)
+
+        (path,) = dr.while_loop((path,), lambda path: path.active, bounced)
+        return path.radiance, path.albedo, path.normal
+
+    def albedo(self, origin: Any, direction: Any, chosen: Any, rng: Any) -> Any:
+        """Albedo of the first surface that is not glass, per ray, and nothing else: fast."""
+        path = self._start(origin, direction, rng)
+
+        def passed(path: Path) -> tuple[Path]:
+            _, pane, on_glass = self._met(path)
+            again = path.rng.next_float32(path.active)
+            self._through_glass(path, pane, on_glass, dr.select(path.depth == 0, chosen, again))
+            path.first &= on_glass
+            path.depth += 1
+            path.active = on_glass & (path.depth < MOST_PANES)
+            return (path,)
+
+        (path,) = dr.while_loop((path,), lambda path: path.active, passed)
+        return path.albedo
+
+    def _start(self, origin: Any, direction: Any, rng: Any) -> Path:
+        mi = self.mi
         yes = dr.full(mi.Bool, True, dr.width(origin))
-        black = mi.Color3f(0)
-        path = Path(
+        return Path(
             yes,
             mi.Point3f(origin),
             mi.Vector3f(direction),
-            black,
+            mi.Color3f(0),
             mi.Color3f(1),
             mi.Color3f(0),
             mi.Vector3f(0),
@@ -92,29 +135,6 @@ class Tracer:
             mi.UInt32(0),
             rng,
         )
-        spread = mi.Float(sample)
-
-        def even(path: Path, number: int, step: float) -> Any:
-            value = shift[number] + step * spread
-            return dr.select(
-                path.depth == 0, value - dr.floor(value), path.rng.next_float32(path.active)
-            )
-
-        def bounced(path: Path) -> tuple[Path]:
-            hit, pane, on_glass = self._met(path)
-            seen = mi.Bool(path.first)
-            self._through_glass(path, pane, on_glass, even(path, 0, 0.5))
-            path.first &= on_glass
-            sun = mi.Point2f(even(path, 1, R2_STEPS[1]), even(path, 2, R2_STEPS[0]))
-            self._add(path, hit.valid, self._sunlight(path, hit, sun), seen)
-            u = mi.Point2f(even(path, 2, R2_STEPS[0]), even(path, 3, R2_STEPS[1]))
-            self._scatter(path, hit, u, path.rng.next_float32(path.active))
-            path.active = hit.valid | on_glass
-            self._roulette(path, max_depth)
-            return (path,)
-
-        (path,) = dr.while_loop((path,), lambda path: path.active, bounced)
-        return path.radiance, path.albedo, path.normal
 
     def _met(self, path: Path) -> tuple[Hit, Any, Any]:
         """The opaque surface met, else the pane; adds what shines by itself: sky and lamps."""

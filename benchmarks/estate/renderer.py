@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,12 +17,16 @@ from benchmarks.estate.plan import Light
 from benchmarks.estate.rays import Camera
 from benchmarks.estate.variant import mitsuba
 from numpy.typing import NDArray
+from scipy.stats import qmc
 
 from si3fp.geometry.enu import GeoOrigin
 
 FloatArray = NDArray[np.float64]
+Places = NDArray[np.int64]  # pixels numbered along the rows
 BATCH_RAYS = 1 << 21  # at once: about 0.5 GB
-STEP = np.array([0.7548776662466927, 0.5698402909980532])  # R2 sequence (Roberts, 2018)
+ALBEDO_SAMPLES = 16
+DARKEST = 0.03  # albedo by which light is divided at least
+DIMENSIONS = 7  # of a sample: place in the pixel (2), first pane, sun's disc (2), first bounce (2)
 WITHOUT_DENOISER = 4
 BACK_M = 0.02  # a place counts as seen where nothing lies more than this before it
 
@@ -82,59 +87,69 @@ class Renderer:
         if denoise and not denoiser_or_note():
             samples *= WITHOUT_DENOISER
         seen = np.ones((height, width), bool) if camera.seen is None else camera.seen
-        places = np.flatnonzero(seen)
         radiance, albedo, normal = (np.zeros((height * width, 3), np.float32) for _ in range(3))
         depth_m = np.full(height * width, np.inf, np.float32)
-        step = max(1, BATCH_RAYS // samples)
-        for first in range(0, len(places), step):
-            some = places[first : first + step]
-            found = self._traced(camera, some, samples, seed, max_depth)
-            for picture, values in zip((radiance, albedo, normal), found, strict=True):
-                picture[some] = values
-        for first in range(0, len(places), BATCH_RAYS):
-            some = places[first : first + BATCH_RAYS]
+        for some in _batches(seen, max(samples, ALBEDO_SAMPLES)):
+            radiance[some], rough_albedo, normal[some] = self._traced(
+                camera, some, samples, seed, max_depth
+            )
+            if denoise:
+                radiance[some] /= np.maximum(rough_albedo, DARKEST)
+                albedo[some] = self._albedo(camera, some, seed)
+        for some in _batches(seen, 1):
             middle = np.stack([some % width + 0.5, some // width + 0.5], axis=1)
             depth_m[some] = self.depth_m(*camera.rays(middle))
-        shape = (height, width, 3)
-        picture = radiance.reshape(shape)
-        if denoise and denoiser_or_note():
-            picture = denoised(picture, albedo.reshape(shape), normal.reshape(shape), seen)
+        picture = radiance.reshape(height, width, 3)
+        if denoise:
+            if denoiser_or_note():
+                picture = denoised(picture, normal.reshape(picture.shape), seen)
+            for rows in np.array_split(np.arange(height), height // 256 + 1):
+                picture[rows] *= np.maximum(albedo.reshape(picture.shape)[rows], DARKEST)
         return Rendered(picture, depth_m.reshape(height, width), seen)
 
     def _traced(
-        self, camera: Camera, places: Any, samples: int, seed: int, max_depth: int
+        self, camera: Camera, places: Places, samples: int, seed: int, max_depth: int
     ) -> list[NDArray[np.float32]]:
         """Mean radiance, albedo and normal (N, 3) of some pixels."""
+        ray, even, rng = self._samples(camera, places, samples, seed)
+        found = self._tracer.traced(*ray, even, rng, self.mi.UInt32([max_depth]))
+        return [_mean(value, samples) for value in _evaluated(found)]
+
+    def _albedo(self, camera: Camera, places: Places, seed: int) -> NDArray[np.float32]:
+        """Mean albedo (N, 3) of some pixels, of more samples than their light has."""
+        ray, even, rng = self._samples(camera, places, ALBEDO_SAMPLES, seed)
+        (found,) = _evaluated([self._tracer.albedo(*ray, even[0], rng)])
+        return _mean(found, ALBEDO_SAMPLES)
+
+    def _samples(
+        self, camera: Camera, places: Places, samples: int, seed: int
+    ) -> tuple[tuple[Any, Any], list[Any], Any]:
+        """Rays through pixels, evenly spread numbers of each, and its own chance.
+
+        All of them follow from pixel, sample and seed alone, whatever the batch.
+        """
         import drjit as dr  # noqa: PLC0415
 
         mi = self.mi
+        table, shift = _even_table(samples), _shift(places, seed)
         corner = np.stack([places % camera.width_px, places // camera.width_px], axis=1)
-        shift = _shift(places, seed)
-        inside = (shift[:, None, :2] + np.arange(samples)[None, :, None] * STEP) % 1
-        pixels = (corner[:, None] + inside).reshape(-1, 2)
-        origins, directions = camera.rays(pixels)
-        pixel = mi.UInt32(places.astype(np.uint32))
+        inside = (shift[:, None, :2] + table[:, :2]) % 1
+        origins, directions = camera.rays((corner[:, None] + inside).reshape(-1, 2))
         each = dr.arange(mi.UInt32, len(places) * samples)
         index, sample = each // samples, each % samples
-        number = dr.gather(mi.UInt32, pixel, index)
-        hashed = mi.sample_tea_32(number, sample + mi.UInt32([(seed * 0x9E3779B9) & 0xFFFFFFFF]))
-        rng = mi.PCG32(initstate=mi.UInt64(hashed[0]), initseq=mi.UInt64(hashed[1]))
-        shifts = [
-            dr.gather(mi.Float, mi.Float(np.float32(shift[:, k])), index) for k in (2, 3, 4, 5)
-        ]
-        found = self._tracer.traced(
-            mi.Point3f(*(mi.Float(np.float32(origins[:, k])) for k in range(3))),
-            mi.Vector3f(*(mi.Float(np.float32(directions[:, k])) for k in range(3))),
-            sample,
-            shifts,
+        even = []
+        for k in range(2, DIMENSIONS):
+            value = dr.gather(mi.Float, mi.Float(np.float32(shift[:, k])), index)
+            value += dr.gather(mi.Float, mi.Float(np.float32(table[:, k])), sample)
+            even.append(value - dr.floor(value))
+        pixel = dr.gather(mi.UInt32, mi.UInt32(places.astype(np.uint32)), index)
+        start = mi.sample_tea_32(pixel, sample + mi.UInt32([(seed * 0x9E3779B9) & 0xFFFFFFFF]))
+        rng = mi.PCG32(initstate=mi.UInt64(start[0]), initseq=mi.UInt64(start[1]))
+        return (
+            (_device(mi.Point3f, mi, origins), _device(mi.Vector3f, mi, directions)),
+            even,
             rng,
-            mi.UInt32([max_depth]),
         )
-        dr.eval(found)
-        mean = [dr.block_sum(channel, samples) / samples for value in found for channel in value]
-        dr.eval(mean)
-        flat = np.stack([np.array(channel) for channel in mean], axis=1)
-        return [flat[:, 0:3], flat[:, 3:6], flat[:, 6:9]]
 
     def depth_m(self, origins: FloatArray, directions: FloatArray) -> NDArray[np.float32]:
         """Distance (N,) to the first surface, glass too, along unit directions; inf if none."""
@@ -154,18 +169,52 @@ class Renderer:
 
     def _ray(self, origins: FloatArray, directions: FloatArray, length: FloatArray | float) -> Any:
         mi = self.mi
-        ray = mi.Ray3f(
-            mi.Point3f(*(mi.Float(np.float32(origins[:, k])) for k in range(3))),
-            mi.Vector3f(*(mi.Float(np.float32(directions[:, k])) for k in range(3))),
-        )
+        ray = mi.Ray3f(_device(mi.Point3f, mi, origins), _device(mi.Vector3f, mi, directions))
         if np.ndim(length):
             ray.maxt = mi.Float(np.float32(length))
         return ray
 
 
-def _shift(places: NDArray[np.int64], seed: int) -> FloatArray:
-    """(N, 6) numbers in 0..1 that belong to a pixel and a seed, whatever the batch."""
-    state = places.astype(np.uint64)[:, None] * np.uint64(6) + np.arange(6, dtype=np.uint64)
+def _device(kind: Any, mi: Any, points: FloatArray) -> Any:
+    """Points or directions (N, 3) on the device."""
+    return kind(*(mi.Float(np.ascontiguousarray(points[:, k], np.float32)) for k in range(3)))
+
+
+def _evaluated(values: Any) -> Any:
+    """The values, computed in one go: each by itself would trace the paths anew."""
+    import drjit as dr  # noqa: PLC0415
+
+    dr.eval(values)
+    return values
+
+
+def _mean(value: Any, samples: int) -> NDArray[np.float32]:
+    """(N, 3) means over the samples of each pixel."""
+    import drjit as dr  # noqa: PLC0415
+
+    means = [np.array(dr.block_sum(channel, samples)) / samples for channel in value]
+    return np.stack(means, axis=1).astype(np.float32)
+
+
+def _batches(seen: NDArray[np.bool_], samples: int) -> Iterator[Places]:
+    """Numbers of the seen pixels, as many at once as memory should hold."""
+    places = np.flatnonzero(seen)
+    step = max(1, BATCH_RAYS // samples)
+    for first in range(0, len(places), step):
+        yield places[first : first + step]
+
+
+@functools.cache
+def _even_table(samples: int) -> FloatArray:
+    """(samples, DIMENSIONS) numbers in 0..1: the beginning of Sobol's sequence."""
+    sequence = qmc.Sobol(DIMENSIONS, scramble=False)
+    return sequence.random_base2(max(samples - 1, 0).bit_length())[:samples]
+
+
+def _shift(places: Places, seed: int) -> FloatArray:
+    """(N, DIMENSIONS) numbers in 0..1 of pixels and a seed, which turn the table's."""
+    state = places.astype(np.uint64)[:, None] * np.uint64(DIMENSIONS)
+    state = state + np.arange(DIMENSIONS, dtype=np.uint64)
     state += np.uint64((seed * 0x9E3779B97F4A7C15) & 0xFFFFFFFFFFFFFFFF)
     for factor in (0xBF58476D1CE4E5B9, 0x94D049BB133111EB):  # SplitMix64 (Steele et al., 2014)
         state = (state ^ (state >> np.uint64(30))) * np.uint64(factor)
