@@ -26,7 +26,7 @@ KINDS: tuple[GroundKind, ...] = (
 """What the labels 0..7 of a ground map mean."""
 
 COLOURS: dict[GroundKind, Rgb] = {
-    "grass": (0.275, 0.345, 0.165),
+    "grass": (0.285, 0.335, 0.185),
     "asphalt": (0.385, 0.380, 0.372),
     "paving": (0.55, 0.54, 0.515),
     "gravel": (0.52, 0.50, 0.46),
@@ -137,7 +137,7 @@ def _skin(
         case "grass":
             light += np.float32(0.05) * sheet.clouds(6.0, 5, rng, 0.6)
             dry = smooth(0.5, 2.4, sheet.clouds(3.5, 5, rng, 0.6) + 0.9 * np.exp(-near_m / 0.25))
-            warm += np.float32(0.007) * sheet.clouds(2.0, 4, rng) + np.float32(0.045) * dry
+            warm += np.float32(0.007) * sheet.clouds(2.0, 4, rng) + np.float32(0.035) * dry
             light += np.float32(0.14) * dry
             clover = smooth(1.2, 2.0, sheet.clouds(1.4, 3, rng))
             light -= np.float32(0.10) * clover
@@ -147,7 +147,7 @@ def _skin(
         case "gravel" | "soil":
             light += np.float32(0.05) * sheet.clouds(3.0, 5, rng)
             light -= np.float32(0.10) * np.exp(-near_m / np.float32(0.3))
-            fine = np.float32(0.10) * tile.grain(rng) + np.float32(0.05) * tile.clouds(0.08, 1, rng)
+            fine = np.float32(0.07) * tile.grain(rng) + np.float32(0.03) * tile.clouds(0.08, 1, rng)
             fine -= np.float32(0.3) * tile.specks(2.0, 0.02, rng)
         case "paving" | "setts":
             light += np.float32(0.04) * sheet.clouds(2.5, 5, rng)
@@ -164,7 +164,7 @@ def _skin(
                 worn = smooth(0.6, 1.8, tile.clouds(0.35, 5, rng, 0.7))
                 fine -= np.float32(0.38) * worn
     colour = np.empty((*light.shape, 3), np.float32)
-    for band, turn in enumerate((1.0, 0.0, -0.6)):
+    for band, turn in enumerate((1.0, 0.0, -0.2)):
         colour[..., band] = light * np.float32(COLOURS[kind][band]) + np.float32(turn) * warm
     return _Skin(colour, 1 + fade * fine)
 
