@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from benchmarks.estate.plan import Building, Car, Estate, Finish, Tree, Wall
 from benchmarks.estate.reported import exact_planes, panorama_feature, reported
 from benchmarks.estate.site import obstacles
 from benchmarks.estate.walk import (
-    DISTORTION,
+    LENS,
     TAPE_SIGMA_M,
     colmap_text,
     flight_around,
@@ -218,7 +218,7 @@ def test_the_readers_read_poses_and_triangle(tmp_path) -> None:
     for photo in model.photos:
         assert photo.camera.cx_px == pytest.approx(pinhole.cx_px)
         assert photo.camera.fy_px == pytest.approx(pinhole.fy_px)
-        assert model.distortion[photo.id] == pytest.approx(np.array(DISTORTION))
+        assert model.distortion[photo.id] == pytest.approx(np.array(astuple(LENS)))
         assert photo.centre_in_world == pytest.approx(walk.poses[photo.id].place, abs=1e-9)
         forward = walk.poses[photo.id].world_from_cam.rotation[:, 2]
         assert photo.cam_from_world.rotation[2] == pytest.approx(forward, abs=1e-9)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from benchmarks.estate.lens import Distortion, distort, undistort
 from numpy.typing import NDArray
 
 from si3fp.geometry.equirect import (
@@ -17,7 +18,7 @@ from si3fp.geometry.pinhole import Pinhole
 from si3fp.geometry.rigid import Rigid3
 
 FloatArray = NDArray[np.float64]
-NO_DISTORTION = (0.0, 0.0, 0.0, 0.0)
+NO_DISTORTION = Distortion()
 
 
 @dataclass(frozen=True)
@@ -65,11 +66,11 @@ class Equirect:
 
 @dataclass(frozen=True, eq=False)
 class LensCamera:
-    """A pinhole camera whose lens distorts by ``k1 k2 p1 p2`` (COLMAP's OPENCV model)."""
+    """A pinhole camera whose lens distorts as ``lens`` says (COLMAP's OPENCV model)."""
 
     world_from_cam: Rigid3
     pinhole: Pinhole
-    distortion: tuple[float, float, float, float] = NO_DISTORTION
+    lens: Distortion = NO_DISTORTION
     seen: None = None
 
     @property
@@ -85,22 +86,22 @@ class LensCamera:
     def rays(self, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Origins and unit directions (N, 3) in the world through pixels (N, 2)."""
         in_cam = self.pinhole.unproject(pixels)
-        in_cam[..., :2] = undistorted(in_cam[..., :2], self.distortion)
+        in_cam[:, :2] = undistort(in_cam[:, :2], self.lens)
         in_cam /= np.linalg.norm(in_cam, axis=-1, keepdims=True)
         return _from_one_place(self.world_from_cam, in_cam)
 
     def pixels(self, points_in_world: FloatArray) -> FloatArray:
-        """Pixels (..., 2) of points (..., 3); NaN behind the camera and outside the photo."""
+        """Pixels (N, 2) of points (N, 3); NaN behind the camera and outside the photo."""
         in_cam = self.world_from_cam.inverse().apply(points_in_world)
-        depth = np.where(in_cam[..., 2:] > 0, in_cam[..., 2:], np.nan)
+        depth = np.where(in_cam[:, 2:] > 0, in_cam[:, 2:], np.nan)
         # Far outside the photo the polynomial of the lens turns back: no place there is sound.
         widest = 1.3 * np.hypot(self.width_px, self.height_px) / 2 / self.pinhole.fx_px
-        on_plane = in_cam[..., :2] / depth
-        on_plane[np.hypot(on_plane[..., 0], on_plane[..., 1]) > widest] = np.nan
-        bent = distorted(on_plane, self.distortion)
+        on_plane = in_cam[:, :2] / depth
+        on_plane[np.hypot(*on_plane.T) > widest] = np.nan
+        bent = distort(on_plane, self.lens)
         pixels = self.pinhole.project(np.concatenate([bent, np.ones_like(depth)], axis=-1))
         inside = ((pixels >= 0) & (pixels < [self.width_px, self.height_px])).all(axis=-1)
-        return np.where(inside[..., None], pixels, np.nan)
+        return np.where(inside[:, None], pixels, np.nan)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,30 +131,6 @@ class Orthographic:
         normal = self.grid.normal_in_world
         starts = self.grid.world_from_pixels(pixels) + self.standoff_m * normal
         return starts, np.broadcast_to(-normal, starts.shape)
-
-
-def distorted(on_plane: FloatArray, k: tuple[float, float, float, float]) -> FloatArray:
-    """Where a lens shows points (..., 2) of the plane z = 1: radial k1, k2, tangential p1, p2."""
-    x, y = on_plane[..., 0], on_plane[..., 1]
-    square = x * x + y * y
-    radial = 1 + square * (k[0] + square * k[1])
-    return np.stack(
-        [
-            x * radial + 2 * k[2] * x * y + k[3] * (square + 2 * x * x),
-            y * radial + k[2] * (square + 2 * y * y) + 2 * k[3] * x * y,
-        ],
-        axis=-1,
-    )
-
-
-def undistorted(shown: FloatArray, k: tuple[float, float, float, float]) -> FloatArray:
-    """Inverse of `distorted` for mild lenses, by fixed-point steps (below 1e-9 in the photo)."""
-    found = shown.copy()
-    if k == NO_DISTORTION:
-        return found
-    for _ in range(40):
-        found = found + (shown - distorted(found, k))
-    return found
 
 
 def _from_one_place(world_from_cam: Rigid3, in_cam: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -17,11 +17,10 @@ from benchmarks.estate.drive import towards_buildings
 from benchmarks.estate.lens import photographed
 from benchmarks.estate.parts import Parts
 from benchmarks.estate.plan import Building, Estate, rng_of
-from benchmarks.estate.renderer import Rendered, Renderer
+from benchmarks.estate.renderer import Renderer
 from benchmarks.estate.surroundings import surroundings_parts
 from benchmarks.estate.truth import facade_grid, facades_of, seen_on
 from benchmarks.estate.walk import lens_camera, photo_lens, positions
-from numpy.typing import NDArray
 
 from si3fp.model import Facade
 
@@ -29,6 +28,7 @@ Say = Callable[[str], None]
 
 SEEN_M_PER_PX = 0.1
 STANDOFF_M = 0.8  # beyond whatever stands out of a wall
+VIGNETTING = 0.2
 SHARE_SEEN = 0.25  # of a panorama, roughly: for the time left
 
 
@@ -130,7 +130,13 @@ class Pictures:
             number = list(self._photos).index(name)
             gps = positions({name: self._photos[name]}, self._estate)[name]
             exif = files.photo_exif(number, self._estate.light, gps)
-        files.write_jpeg(path, self._developed(rendered, name), exif)
+        picture = photographed(
+            rendered.radiance,
+            rendered.seen,
+            self._sensor(name),
+            vignetting=VIGNETTING if name in self._photos else 0.0,
+        )
+        files.write_jpeg(path, picture, exif)
 
     def _mask(self, name: str, path: Path) -> None:
         camera, visible = self._camera(name), self._renderer(bare=False).visible
@@ -155,7 +161,10 @@ class Pictures:
         depth_m = (camera.standoff_m - rendered.depth_m).astype(np.float32)
         depth_m[~np.isfinite(depth_m)] = np.nan
         files.write_array(path.with_suffix(".npy"), depth_m)
-        files.write_png(path, self._developed(rendered, facade.id))
+        clean = {"vignetting": 0.0, "exposure_jitter_ev": 0.0, "noise": 0.0}
+        sensor = self._sensor(facade.id)
+        picture = photographed(rendered.radiance, rendered.seen, sensor, **clean)
+        files.write_png(path, picture)
 
     def _renderer(self, *, bare: bool) -> Renderer:
         """The scene, or without what stands in front of the buildings."""
@@ -179,12 +188,8 @@ class Pictures:
     def _path_seed(self, name: str) -> int:
         return int(rng_of(self._estate.seed, "paths", name).integers(1 << 31))
 
-    def _developed(self, rendered: Rendered, name: str) -> NDArray[np.uint8]:
-        """The picture as the camera stores it; exactly black where nothing was rendered."""
-        rng = rng_of(self._estate.seed, "sensor", name)
-        picture = photographed(rendered.radiance, rng, seen=rendered.seen)
-        picture[~rendered.seen] = 0
-        return picture
+    def _sensor(self, name: str) -> np.random.Generator:
+        return rng_of(self._estate.seed, "sensor", name)
 
 
 def _standoff_m(building: Building, edge: int) -> float:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 import shapely
 from benchmarks.estate.cameras import LensCamera, Pose
+from benchmarks.estate.lens import Distortion
 from benchmarks.estate.plan import Building, Estate, millimetres, rng_of
 from benchmarks.estate.site import obstacles
 from numpy.typing import NDArray
@@ -25,10 +26,10 @@ Json = dict[str, Any]
 
 EYE_M = 1.6
 FOCAL_35MM = 26.0  # a phone's main camera
-DISTORTION = (-0.045, 0.018, 0.0004, -0.0003)
+LENS = Distortion(k1=-0.045, k2=0.018, p1=0.0004, p2=-0.0003)
 NEAREST_M, FARTHEST_M = 4.0, 22.0
-NEAR_RING_M, FAR_RING_M = 8.0, 17.0  # kept free by the site
-LOW_BUILDING_M = 8.0  # up to here the near ring shows a facade whole
+RING_M = (8.0, 17.0)  # the nearest and the farthest loop that is sought first,
+RING_PER_HEIGHT = 1.1  # in between by the height: the eaves lie at 40 degrees
 PERSON_M = 0.5
 LEVEL_DEG = 12.0  # pitch of the lower row: some ground in front, most of the wall
 TOP_MARGIN_DEG = 6.0
@@ -62,7 +63,7 @@ def photo_lens(width_px: int) -> Pinhole:
 
 def lens_camera(pose: Pose, pinhole: Pinhole) -> LensCamera:
     """The camera of one photo."""
-    return LensCamera(pose.world_from_cam, pinhole, DISTORTION)
+    return LensCamera(pose.world_from_cam, pinhole, LENS)
 
 
 def walk_around(estate: Estate, count: int) -> Walk:
@@ -76,7 +77,7 @@ def walk_around(estate: Estate, count: int) -> Walk:
     poses: dict[str, Pose] = {}
     sides: tuple[tuple[str, str], ...] = ()
     for building in estate.buildings:
-        ring_m = NEAR_RING_M if building.height_m <= LOW_BUILDING_M else FAR_RING_M
+        ring_m = float(np.clip(RING_PER_HEIGHT * building.height_m, *RING_M))
         half_deg = float(np.rad2deg(np.arctan(0.5 / (FOCAL_35MM / 43.267 * 5 / 3))))
         top_deg = float(np.rad2deg(np.arctan((building.height_m - EYE_M) / ring_m)))
         up_deg = max(top_deg - half_deg + TOP_MARGIN_DEG, LEVEL_DEG + 8.0)
@@ -105,7 +106,7 @@ def flight_around(estate: Estate, count: int) -> dict[str, Pose]:
     poses = {}
     outline = _outline(estate)
     for row, height_m in enumerate(FLIGHT_M):
-        ring = outline.buffer(FAR_RING_M + 4.0 * row).exterior
+        ring = outline.buffer(RING_M[1] + 4.0 * row).exterior
         middle_m = max(building.height_m for building in estate.buildings) / 2
         for index in range(count // 2):
             point = ring.interpolate((index + 0.5 * row) / (count // 2), normalized=True)
@@ -232,7 +233,7 @@ def positions(poses: dict[str, Pose], estate: Estate) -> dict[str, tuple[float, 
 
 def colmap_text(poses: dict[str, Pose], pinhole: Pinhole) -> dict[str, str]:
     """``cameras.txt``, ``images.txt`` and an empty ``points3D.txt`` of the exact poses."""
-    lens = [pinhole.fx_px, pinhole.fy_px, pinhole.cx_px, pinhole.cy_px, *DISTORTION]
+    lens = [pinhole.fx_px, pinhole.fy_px, pinhole.cx_px, pinhole.cy_px, *astuple(LENS)]
     size = f"{pinhole.width_px} {pinhole.height_px}"
     lines = []
     for number, (name, pose) in enumerate(poses.items(), start=1):
