@@ -1,4 +1,7 @@
-"""``python -m benchmarks.estate build SPEC --seed N -o DIR``: render an estate with its truth."""
+"""``python -m benchmarks.estate build SPEC --seed N -o DIR``: an estate with its truth.
+
+``python -m benchmarks.estate facades -n COUNT -o DIR``: facade images with boxes, for training.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ import sys
 from pathlib import Path
 
 import click
+from benchmarks.estate.facades_cli import facades
 
 from si3fp.errors import Si3fpError
 
@@ -61,6 +65,9 @@ def build_command(
         say=lambda line: click.echo(line, err=True),
     )
     click.echo(str(output))
+
+
+main.add_command(facades)
 
 
 def run() -> None:
