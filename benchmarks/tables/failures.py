@@ -84,7 +84,7 @@ def drawn(
     canvas.paste(shown, (left, top), shown)
     draw = ImageDraw.Draw(canvas)
     draw.rectangle(pixels((0.0, 0.0, facade["width_m"], facade["height_m"])), outline=(90, 90, 90))
-    for name, colour, width in (("true_boxes_m", TRUE_RGB, 5), ("found_boxes_m", FOUND_RGB, 2)):
+    for name, colour, width in (("true_boxes_m", TRUE_RGB, 3), ("found_boxes_m", FOUND_RGB, 2)):
         for box in facade[name]:
             draw.rectangle(pixels(box), outline=colour, width=width)
     scores = facade["windows"]
