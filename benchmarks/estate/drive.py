@@ -120,7 +120,7 @@ def towards_buildings(estate: Estate, pose: Pose, width_px: int) -> NDArray[np.b
     wide = 2 * round(MARGIN_DEG / 360 * AZIMUTHS) + 1
     low = minimum_filter1d(low, wide, mode="wrap") - np.deg2rad(MARGIN_DEG)
     high = maximum_filter1d(high, wide, mode="wrap") + np.deg2rad(MARGIN_DEG)
-    step = 4 if width_px % 8 == 0 else 1
+    step = 4 if width_px % 8 == 0 and width_px > 4096 else 1
     coarse = Equirect(pose.world_from_cam, width_px // step)
     x, y = np.meshgrid(np.arange(coarse.width_px) + 0.5, np.arange(coarse.height_px) + 0.5)
     _, direction = coarse.rays(np.stack([x, y], axis=-1).reshape(-1, 2))

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from benchmarks.estate.cameras import Equirect, Pose
-from benchmarks.estate.cars import CAR_SIZES_M, car_outline
+from benchmarks.estate.car_shapes import CAR_SIZES_M, car_outline
 from benchmarks.estate.plan import Estate, Tree, rng_of
 from numpy.typing import NDArray
 
