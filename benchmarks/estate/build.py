@@ -14,6 +14,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import platform
 import time
@@ -74,7 +75,7 @@ def build(
     Raises
     ------
     InputError
-        If the folder holds something else: another estate, seed or size, or no estate at all.
+        If the folder holds something else: another plan, seed or size, or no estate at all.
     """
     panoramas = panorama_poses(estate, size.most_per_facade)
     walk = walk_around(estate, size.photos)
@@ -98,6 +99,12 @@ def build(
     return record
 
 
+def plan_sha256(estate: Estate) -> str:
+    """The digest of a plan: equal where name, seed and the code that draws plans are."""
+    text = json.dumps(asdict(estate), sort_keys=True, default=float)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
 def _claimed(folder: Path, estate: Estate, size: Size, counts: Json) -> Json:
     """The record of the folder, which is this estate's from now on."""
     file = folder / "estate.json"
@@ -105,6 +112,7 @@ def _claimed(folder: Path, estate: Estate, size: Size, counts: Json) -> Json:
         "schema": "estate",
         "name": estate.name,
         "seed": estate.seed,
+        "plan_sha256": plan_sha256(estate),
         "size": asdict(size),
         "counts": counts,
     }
