@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 import shapely
 from benchmarks.estate import specs
-from benchmarks.estate.plan import Building, Estate, Opening, Wall
+from benchmarks.estate.buildings import neighbour_slab
+from benchmarks.estate.neighbours import NeighbourPlace
+from benchmarks.estate.plan import Building, Estate, Opening, Wall, rng_of
 from benchmarks.estate.sight import seen_shares
 from benchmarks.estate.specs import SPECS, estate_of
 from shapely import LineString, Polygon, box
@@ -33,8 +35,7 @@ def estates() -> dict[tuple[str, int], Estate]:
         return {(spec, seed): estate_of(spec, seed) for spec in SPECS for seed in SEEDS}
 
 
-def _bare(name, seed, origin, buildings, streets, panorama_lines, *, light, reach_m):
-    assert reach_m > 0
+def _bare(name, seed, origin, buildings, streets, panorama_lines, *, light, **_):
     return Estate(
         name,
         seed,
@@ -209,6 +210,17 @@ def test_vehicles_drive_on_roads_that_keep_off_the_houses(estates):
         for line in estate.panorama_lines:
             assert LineString(line).distance(built) < 16
             assert roads.buffer(0.01).covers(LineString(line))
+
+
+def test_neighbours_fill_their_places(estates):
+    like = estates["small", 1].buildings[0]
+    for index, (length, storeys) in enumerate([(26.2, 3), (51.9, 4), (20.4, 8), (43.0, 3)]):
+        place = NeighbourPlace((12.0, -30.0), 77.7, length, 11.3, storeys, like)
+        house = neighbour_slab("n", place, rng_of(index, "neighbour"))
+        assert house.outline == pytest.approx(place.outline, abs=MICROMETRE)
+        assert house.storeys == storeys
+        assert len(house.walls[0].openings) >= 6 * storeys
+        assert any(opening.kind == "door" for wall in house.walls for opening in wall.openings)
 
 
 def test_the_street_has_its_three_houses_on_both_sides(estates):

@@ -11,6 +11,7 @@ from benchmarks.estate.bays import Levels, Point, Side, bays_of
 from benchmarks.estate.facades import wall_of
 from benchmarks.estate.fenestration import between, pick
 from benchmarks.estate.looks import Look, look_of
+from benchmarks.estate.neighbours import NeighbourPlace
 from benchmarks.estate.plan import BalconyKind, Building, FinishKind, millimetres, rng_of
 
 # Per number of bays: the sides of one landing with the stairs and with the balconies.
@@ -80,6 +81,38 @@ def slab_block(name: str, slab: Slab, seed: int) -> Building:
         Side((left, depth), (left, 0.0), bays_of(slab.gables[1]), gable=True),
     )
     return _house(name, sides, slab.levels, look, seed)
+
+
+def neighbour_slab(name: str, place: NeighbourPlace, rng: np.random.Generator) -> Building:
+    """A slab on its place in the world; more than half have the skin of the building it is like."""
+    bays = max(3, round(place.length_m / between(rng, 2.8, 3.4, 0.1)))
+    storey, ground = 2.75, pick(rng, (0.5, 0.7, 1.0))
+    levels = Levels(
+        ground, storey, place.storeys, millimetres(ground + place.storeys * storey + 0.35)
+    )
+    slab = Slab(
+        place.length_m,
+        place.depth_m,
+        _units(bays),
+        levels,
+        pick(rng, ("stairs", "balconies")),
+        (pick(rng, ("", "-b-")), pick(rng, ("", "-b-"))),
+        "any" if place.storeys < 5 else "flat",
+    )
+    building = slab_block(name, slab, int(rng.integers(1 << 31)))
+    if rng.random() < 0.6:
+        skin = place.like.walls[0].finish
+        walls = tuple(replace(wall, finish=skin) for wall in building.walls)
+        building = replace(building, walls=walls)
+    turn_deg = 90.0 - place.along_deg
+    back = turned((0.0, place.depth_m / 2), turn_deg, (0.0, 0.0))
+    return moved(building, turn_deg, (place.centre[0] - back[0], place.centre[1] - back[1]))
+
+
+def _units(bays: int) -> tuple[int, ...]:
+    """Landings of about 5 bays that make up so many."""
+    count = max(1, round(bays / 5))
+    return tuple(bays // count + (index < bays % count) for index in range(count))
 
 
 def point_block(name: str, seed: int) -> Building:

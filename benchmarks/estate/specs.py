@@ -8,7 +8,17 @@ from pathlib import Path
 
 import numpy as np
 from benchmarks.estate.bays import Levels, Point
-from benchmarks.estate.buildings import Slab, b1, b2, b3, moved, point_block, slab_block, turned
+from benchmarks.estate.buildings import (
+    Slab,
+    b1,
+    b2,
+    b3,
+    moved,
+    neighbour_slab,
+    point_block,
+    slab_block,
+    turned,
+)
 from benchmarks.estate.fenestration import between, pick
 from benchmarks.estate.plan import Building, Estate, Light, Street, millimetres, rng_of
 from benchmarks.estate.sight import seen_shares
@@ -244,6 +254,7 @@ def estate_of(spec: str, seed: int, data: Path | None = None) -> Estate:
         driven,
         light=light_on(buildings, driven, origin, rng_of(seed, spec, "light")),
         reach_m=draft.reach_m,
+        neighbour=neighbour_slab,
     )
 
 
