@@ -1,11 +1,11 @@
-"""Parked cars: their size and their meshes, bodies drawn through sections from nose to tail."""
+"""Parked cars as meshes: bodies drawn through sections from nose to tail."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from benchmarks.estate.car_shapes import CAR_SIZES_M, SHAPES, Shape, axes_of
 from benchmarks.estate.parts import Material, Mesh, Parts, joined
 from benchmarks.estate.plan import Car, FloatArray, rng_of
 from benchmarks.estate.solids import ball, box, quad
@@ -14,13 +14,6 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import gaussian_filter1d
 
-CAR_SIZES_M: dict[str, tuple[float, float, float]] = {
-    "saloon": (4.60, 1.78, 1.44),
-    "estate": (4.68, 1.78, 1.47),
-    "hatchback": (4.10, 1.74, 1.46),
-    "van": (4.95, 1.92, 1.95),
-}
-"""Length, width, height."""
 GAP_M = 0.012
 MATERIALS = {
     "car_glass": Material("plastic", (0.035, 0.04, 0.042), roughness=0.02),
@@ -34,93 +27,6 @@ MATERIALS = {
 }
 
 
-@dataclass(frozen=True)
-class Shape:
-    """Side view of a kind: heights in metres at shares of the length from the nose.
-
-    ``screen`` and ``rear`` are where the windscreen and the rear window begin and end, ``windows``
-    the side windows, ``doors`` the gaps of the doors, ``axles`` the wheels.
-    """
-
-    top: tuple[tuple[float, float], ...]
-    belt: tuple[tuple[float, float], ...]
-    screen: tuple[float, float]
-    rear: tuple[float, float]
-    windows: tuple[tuple[float, float], ...]
-    doors: tuple[float, ...]
-    axles: tuple[float, float]
-
-
-_BELT = ((0, 0.60), (0.06, 0.69), (0.26, 0.86), (0.5, 0.90), (0.82, 0.95), (0.97, 0.90), (1, 0.82))
-_NOSE = ((0, 0.63), (0.025, 0.71), (0.10, 0.79), (0.20, 0.88), (0.262, 0.925))
-SHAPES = {
-    "saloon": Shape(
-        (
-            *_NOSE,
-            (0.41, 1.35),
-            (0.48, 1.425),
-            (0.58, 1.44),
-            (0.69, 1.38),
-            (0.83, 1.06),
-            (0.90, 1.03),
-        )
-        + ((0.98, 0.99), (1, 0.88)),
-        _BELT,
-        (0.272, 0.415),
-        (0.705, 0.825),
-        ((0.315, 0.50), (0.525, 0.685), (0.695, 0.745)),
-        (0.285, 0.51, 0.70),
-        (0.185, 0.775),
-    ),
-    "estate": Shape(
-        (*_NOSE, (0.40, 1.36), (0.47, 1.44), (0.58, 1.47), (0.80, 1.45), (0.925, 1.38))
-        + ((0.978, 1.02), (0.99, 0.96), (1, 0.84)),
-        _BELT,
-        (0.272, 0.405),
-        (0.93, 0.977),
-        ((0.315, 0.49), (0.515, 0.675), (0.705, 0.90)),
-        (0.285, 0.50, 0.69),
-        (0.182, 0.765),
-    ),
-    "hatchback": Shape(
-        ((0, 0.66), (0.025, 0.74), (0.10, 0.83), (0.19, 0.91), (0.245, 0.965), (0.40, 1.37))
-        + ((0.48, 1.45), (0.60, 1.46), (0.78, 1.42), (0.89, 1.33), (0.965, 1.02), (0.985, 0.95))
-        + ((1, 0.80),),
-        ((0, 0.63), (0.06, 0.72), (0.25, 0.90), (0.5, 0.93), (0.82, 0.98), (0.97, 0.91), (1, 0.78)),
-        (0.255, 0.405),
-        (0.895, 0.963),
-        ((0.305, 0.51), (0.54, 0.71), (0.745, 0.83)),
-        (0.27, 0.525, 0.725),
-        (0.185, 0.805),
-    ),
-    "van": Shape(
-        ((0, 0.74), (0.03, 0.90), (0.10, 1.03), (0.17, 1.12), (0.215, 1.19), (0.33, 1.78))
-        + ((0.40, 1.91), (0.55, 1.95), (0.93, 1.93), (0.975, 1.84), (0.988, 1.25), (0.995, 0.9))
-        + ((1, 0.75),),
-        ((0, 0.70), (0.06, 0.86), (0.22, 1.08), (0.5, 1.10), (0.9, 1.10), (0.985, 1.05), (1, 0.73)),
-        (0.222, 0.335),
-        (0.977, 0.987),
-        ((0.255, 0.395),),
-        (0.24, 0.41, 0.62),
-        (0.165, 0.80),
-    ),
-}
-
-
-def car_outline(car: Car) -> FloatArray:
-    """Corners (4, 2) of the rectangle that a car stands on."""
-    length, width, _ = CAR_SIZES_M[car.kind]
-    ahead, left = _axes(car)
-    steps = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2
-    return np.array(car.place) + steps[:, :1] * length * ahead + steps[:, 1:] * width * left
-
-
-def _axes(car: Car) -> tuple[FloatArray, FloatArray]:
-    angle = np.deg2rad(car.heading_deg)
-    ahead = np.array([np.sin(angle), np.cos(angle)])
-    return ahead, np.array([-ahead[1], ahead[0]])
-
-
 def car_parts(cars: Sequence[Car], ground_z_m: float, seed: int, *, coarse: bool = False) -> Parts:
     """Meshes of cars that stand on ground at a height; ``coarse`` for far ones."""
     parts = Parts(materials=dict(MATERIALS))
@@ -130,7 +36,7 @@ def car_parts(cars: Sequence[Car], ground_z_m: float, seed: int, *, coarse: bool
             bodies[car.kind] = joined(body_meshes(car.kind, coarse=coarse))
         paint = "car-paint-" + "-".join(f"{round(255 * value):03d}" for value in car.rgb)
         parts.materials[paint] = Material("plastic", car.rgb, roughness=0.06)
-        ahead, left = _axes(car)
+        ahead, left = axes_of(car)
         frame = np.stack([[*ahead, 0.0], [*left, 0.0], [0.0, 0.0, 1.0]])
         sag = rng_of(seed, "car", number).uniform(-0.015, 0.01)
         foot = np.array([*car.place, ground_z_m + sag])
@@ -164,14 +70,12 @@ def body_meshes(kind: str, *, coarse: bool = False) -> list[Mesh]:
     for side in (-1, 1):
         centre = [mirror_x, side * (width / 2 + 0.06), belt + 0.07]
         meshes.append(_plain(ball("paint", centre, (0.06, 0.10, 0.07), rings=6)))
-    for end, sign in ((length / 2 + 0.012, 1), (-length / 2 - 0.012, -1)):
-        low, high = (0.36, 0.47) if sign > 0 else (0.62, 0.73)
+    for end, sign in ((length / 2 + 0.032, 1), (-length / 2 - 0.032, -1)):
+        low, high = (0.36, 0.47) if sign > 0 else (0.55, 0.66)
         corners = [
             [end, -sign * y, z] for y, z in ((-0.26, low), (0.26, low), (0.26, high), (-0.26, high))
         ]
-        if sign > 0:
-            corners = corners[::-1]
-        plate = quad("car-plate", corners)
+        plate = quad("car-plate", corners[::-1])
         meshes.append(_plain(plate))
     meshes.append(
         _plain(
@@ -219,7 +123,7 @@ LOWER, GLASS, ROOF = 9, 5, 7
 def _sections(
     shape: Shape, stations: FloatArray, length: float, width: float
 ) -> tuple[FloatArray, NDArray[np.str_]]:
-    """Points (S, R, 3) of the left half from floor to roof, and the name of every strip (R - 1,)."""
+    """Points (S, R, 3) of the left half from floor to roof, and the every strip's name (R - 1,)."""
     top = _curve(shape.top, stations, 7)
     belt = np.minimum(_curve(shape.belt, stations, 8), top - 0.015)
     x = length / 2 - stations * length
@@ -304,22 +208,22 @@ def _skin(
 
 
 def _cap(section: FloatArray, names: NDArray[np.str_], sign: int) -> tuple[FloatArray, np.ndarray]:
-    """The rounded end of the body: its last section drawn together."""
-    centre = np.array([section[0, 0], 0.0, (section[:, 2].min() + section[:, 2].max()) / 2])
+    """The rounded end of the body: its last section drawn in to the middle plane."""
     rings = [section]
-    for scale, out in ((0.96, 0.008), (0.88, 0.013), (0.62, 0.016), (0.35, 0.016), (0.02, 0.016)):
-        ring = centre + (section - centre) * [1, scale, scale]
-        rings.append(ring + [sign * out, 0, 0])
+    for scale, out in ((0.97, 0.010), (0.90, 0.018), (0.78, 0.022), (0.60, 0.024), (0.36, 0.026)):
+        rings.append(section * [1, scale, 1] + [sign * out, 0, 0])
+    rings.append(section * [1, 0, 1] + [sign * 0.026, 0, 0])
     grid = np.stack(rings)
     kinds = np.full((len(rings) - 1, len(names)), "paint", dtype="<U10")
     kinds[:, names == "floor"] = "car-black"
     sides = np.flatnonzero(names == "side")
-    lamp = sides[-3:] if sign > 0 else sides[-4:]
-    kinds[np.ix_([0, 1, 2], lamp)] = "car-lamp" if sign > 0 else "car-tail"
     if sign > 0:
-        kinds[2:] = "car-black"
-        kinds[np.ix_([2], lamp)] = "car-lamp"
+        kinds[:3, sides[-3:]] = "car-lamp"
+        kinds[3:, sides[-2:-1]] = "car-black"
+        kinds[2:, sides[:3]] = "car-black"
         return grid[::-1], kinds[::-1]
+    kinds[:3, sides[-4:]] = "car-tail"
+    kinds[:, sides[:2]] = "car-black"
     return grid, kinds
 
 
@@ -342,7 +246,8 @@ def _cells(grid: FloatArray, kinds: np.ndarray, mirrored: bool) -> list[Mesh]:
         np.add.at(normals, flat[:, corner], facing)
     # Both halves meet on the middle plane: there the normal has no sideways part.
     normals[np.abs(vertices[:, 1]) < 1e-9, 1] = 0
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    size = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.where(size > 1e-12, normals / np.maximum(size, 1e-12), [0.0, 0.0, -1.0])
     meshes = []
     for kind in np.unique(kinds):
         chosen = quads[kinds == kind].reshape(-1, 4)

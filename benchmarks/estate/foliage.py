@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -99,6 +100,7 @@ def needles(
     directions: FloatArray,
     rng: np.random.Generator,
     each: int = 9,
+    size: float = 1.0,
 ) -> Mesh:
     """Tufts of long thin triangles around directions (N, 3) at places (N, 3)."""
     count = len(places) * each
@@ -107,8 +109,8 @@ def needles(
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
     side = np.cross(ahead, rng.normal(0, 1, (count, 3)))
     side /= np.linalg.norm(side, axis=1, keepdims=True)
-    length = rng.uniform(0.12, 0.24, (count, 1))
-    thick = 0.022
+    length = rng.uniform(0.12, 0.24, (count, 1)) * size
+    thick = 0.022 * size
     corners = np.stack([base - side * thick, base + side * thick, base + ahead * length], axis=1)
     return Mesh(
         material,
@@ -139,7 +141,7 @@ def hedge_parts(hedges: Sequence[Hedge], season: Season, seed: int) -> Parts:
     for number, hedge in enumerate(hedges):
         rng = rng_of(seed, "hedge leaves", number)
         points = np.array(hedge.line, np.float64)
-        for start, end in zip(points[:-1], points[1:], strict=True):
+        for start, end in pairwise(points):
             parts.meshes += _hedge_piece(name, start, end, hedge, season, rng)
     return parts
 
@@ -161,7 +163,7 @@ def _hedge_piece(
     meshes = [_box("hedge-core", origin, frame, size, inset=0.09)]
     # Leaves on the five outer faces, by area: axis, which end, area.
     faces = [(1, 0), (1, 1), (2, 1), (0, 0), (0, 1)]
-    per_m2 = 420 if season != "bare" else 260
+    per_m2 = 260 if season != "bare" else 220
     for axis, upper in faces:
         others = [k for k in range(3) if k != axis]
         count = int(per_m2 * size[others[0]] * size[others[1]])
@@ -178,7 +180,7 @@ def _hedge_piece(
             leaves(
                 material,
                 world,
-                rng.uniform(0.05, 0.075, count) * (2.4 if thin else 1.0),
+                rng.uniform(0.06, 0.095, count) * (1.8 if thin else 1.0),
                 facing,
                 rng,
                 width=0.08 if thin else 0.75,

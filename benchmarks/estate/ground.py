@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import shapely
+from benchmarks.estate.foliage import season_of
 from benchmarks.estate.ground_painting import paint_ground
 from benchmarks.estate.layout import KERB_M, Layout, layout_of
 from benchmarks.estate.neighbours import main_bearing_deg
@@ -17,7 +18,7 @@ from shapely import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 ROAD_Z_M = -0.10
-"""The road lies a kerb's height below lawns, pavements and the foot of the walls, which are at 0."""
+"""The road lies a kerb's height below lawns, pavements and the walls' feet, which are at 0."""
 NEAR_M = 45.0
 FAR_M = 150.0
 NEAR_TEXEL_M = 0.025
@@ -35,13 +36,13 @@ def ground_parts(estate: Estate) -> Parts:
     near = shapely.box(*targets.buffer(NEAR_M).bounds)
     far = shapely.box(*targets.buffer(FAR_M).bounds)
     parts = Parts()
-    for name, area, texel_m in (
+    for name, area, finest_m in (
         ("ground-near", near, NEAR_TEXEL_M),
         ("ground-far", far.difference(near), FAR_TEXEL_M),
     ):
         bounds = area.bounds
         size = max(bounds[2] - bounds[0], bounds[3] - bounds[1])
-        texel_m = max(texel_m, size / LARGEST_PX)
+        texel_m = max(finest_m, size / LARGEST_PX)
         labels = label_image(estate, layout, bounds, texel_m)
         rng = rng_of(estate.seed, name)
         bearing = main_bearing_deg(estate.buildings, estate.streets)
@@ -134,8 +135,49 @@ def _horizon(estate: Estate, far: BaseGeometry) -> Parts:
     faces = np.concatenate(
         [np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)]
     )
-    mesh = Mesh("far-land", points.reshape(-1, 3).astype(np.float32), faces.astype(np.int32))
-    return Parts([mesh], {"far-land": Material(rgb=(0.30, 0.36, 0.24))})
+    parts = Parts(
+        [Mesh("far-land", points.reshape(-1, 3).astype(np.float32), faces.astype(np.int32))]
+    )
+    bare = season_of(estate.light.date) == "bare"
+    parts.materials["far-land"] = Material(rgb=(0.30, 0.33, 0.22))
+    for number, (radius, low, high) in enumerate(((285.0, 7, 15), (370.0, 14, 24))):
+        name = f"far-wood-{number}"
+        green = np.array([0.20, 0.20, 0.15]) if bare else np.array([0.17, 0.23, 0.13])
+        haze = 0.25 * (number + 1) * (np.array([0.50, 0.56, 0.60]) - green)
+        parts.materials[name] = Material(rgb=tuple(float(v) for v in green + haze))  # type: ignore[arg-type]
+        parts.meshes.append(_wood_edge(name, centre, radius, (low, high), rng))
+    return parts
+
+
+def _wood_edge(
+    material: str,
+    centre: FloatArray,
+    radius_m: float,
+    height_m: tuple[float, float],
+    rng: np.random.Generator,
+) -> Mesh:
+    """A closed wall of treetops, seen from within: what is left of a wood at that distance."""
+    columns = 2600
+    turn = np.linspace(0, 2 * np.pi, columns, endpoint=False)
+    tops = gaussian_filter(rng.uniform(0, 1, columns), 40, mode="wrap")
+    tops = (tops - tops.min()) / np.ptp(tops) * 0.6
+    crowns = gaussian_filter(rng.uniform(0, 1, columns), 3, mode="wrap")
+    tops += (crowns - crowns.min()) / np.ptp(crowns) * 0.3 + 0.1 * rng.uniform(0, 1, columns)
+    height = height_m[0] + (height_m[1] - height_m[0]) * tops
+    away = radius_m + rng.uniform(-4, 4, columns)
+    foot = np.column_stack(
+        [centre[0] + away * np.cos(turn), centre[1] + away * np.sin(turn), np.full(columns, -1.0)]
+    )
+    top = np.column_stack([foot[:, :2], height])
+    index = np.arange(columns)
+    after = (index + 1) % columns
+    faces = np.concatenate(
+        [
+            np.column_stack([after, index, index + columns]),
+            np.column_stack([after, index + columns, after + columns]),
+        ]
+    )
+    return Mesh(material, np.concatenate([foot, top]).astype(np.float32), faces.astype(np.int32))
 
 
 def _pieces(area: BaseGeometry) -> list[Polygon]:
@@ -145,8 +187,3 @@ def _pieces(area: BaseGeometry) -> list[Polygon]:
         for piece in shapely.get_parts(area)
         if piece.geom_type == "Polygon" and piece.area > 1e-3
     ]
-
-
-def ground_height_m(layout: Layout, places: FloatArray) -> FloatArray:
-    """Height (N,) of the ground at places (N, 2): the road lies lower."""
-    return np.where(shapely.contains_xy(layout.road, *places.T), ROAD_Z_M, 0.0)

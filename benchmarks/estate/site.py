@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from benchmarks.estate.cars import CAR_SIZES_M, car_outline
+from benchmarks.estate.car_shapes import CAR_SIZES_M, car_outline
 from benchmarks.estate.layout import doors_of, layout_of
 from benchmarks.estate.neighbours import (
     NeighbourMaker,

@@ -14,27 +14,35 @@ from benchmarks.estate.solids import cylinder
 from benchmarks.estate.trees import tree_parts
 from shapely import Point, Polygon
 
-FINE_TREES_M = 45.0
-"""Trees beyond this distance of the targets are coarse."""
+FINE_M = 32.0
+"""Trees and cars within this distance of the targets are made in full, others with less."""
 NEIGHBOUR_TEXEL_M = 0.03
 WOOD_M = (150.0, 260.0)
 """Distances of the wood that closes the horizon."""
-WOOD_TREES = 420
+WOOD_TREES = 300
 
 
 def surroundings_parts(estate: Estate) -> Parts:
     """Ground, neighbours, trees, hedges, cars and lamps of an estate."""
     season = season_of(estate.light.date)
     targets = shapely.union_all([Polygon(building.outline) for building in estate.buildings])
-    near = [tree for tree in estate.trees if targets.distance(Point(tree.place)) < FINE_TREES_M]
-    far = [tree for tree in estate.trees if targets.distance(Point(tree.place)) >= FINE_TREES_M]
+
+    def near(place: tuple[float, float]) -> bool:
+        return bool(targets.distance(Point(place)) < FINE_M)
+
     parts = ground_parts(estate)
     for neighbour in estate.neighbours:
-        parts.add(building_parts(neighbour, estate.seed, m_per_texel=NEIGHBOUR_TEXEL_M))
-    parts.add(tree_parts(near, season, estate.seed))
-    parts.add(tree_parts([*far, *_wood(estate)], season, estate.seed, coarse=True))
+        away = targets.distance(Polygon(neighbour.outline))
+        texel_m = NEIGHBOUR_TEXEL_M * (1 if away < FINE_M else 2)
+        parts.add(building_parts(neighbour, estate.seed, m_per_texel=texel_m))
+    for detail, wanted in (("fine", True), ("medium", False)):
+        some = [tree for tree in estate.trees if near(tree.place) == wanted]
+        parts.add(tree_parts(some, season, estate.seed, detail))
+    parts.add(tree_parts(_wood(estate), season, estate.seed, "far"))
     parts.add(hedge_parts(estate.hedges, season, estate.seed))
-    parts.add(car_parts(estate.cars, ROAD_Z_M, estate.seed))
+    for coarse in (False, True):
+        some = [car for car in estate.cars if near(car.place) != coarse]
+        parts.add(car_parts(some, ROAD_Z_M, estate.seed, coarse=coarse))
     parts.add(_lamp_parts(estate))
     parts.meshes = joined(parts.meshes)
     return parts
@@ -80,11 +88,13 @@ def _lamp_parts(estate: Estate) -> Parts:
         ahead = shapely.get_coordinates(shapely.shortest_line(Point(lamp.place), roads))
         over = np.append(ahead[1] - ahead[0], 0.0)
         over /= np.linalg.norm(over)
-        top = foot + [0, 0, lamp.height_m]
-        arm = top + over * 0.7 + [0, 0, 0.12]
+        bend = np.array([*lamp.place, 1.1])
+        top = np.array([*lamp.place, lamp.height_m])
+        arm = top + over * 0.7
+        arm[2] += 0.12
         parts.meshes += [
-            cylinder("lamp-post", foot, foot + [0, 0, 1.1], 0.07, sides=14),
-            cylinder("lamp-post", foot + [0, 0, 1.1], top, 0.055, end_radius_m=0.04, sides=14),
+            cylinder("lamp-post", foot, bend, 0.07, sides=14),
+            cylinder("lamp-post", bend, top, 0.055, end_radius_m=0.04, sides=14),
             cylinder("lamp-post", top, arm, 0.03, sides=10),
             cylinder(
                 "lamp-head", arm - over * 0.1, arm + over * 0.5, 0.085, sides=14, end_radius_m=0.06

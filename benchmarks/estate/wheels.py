@@ -46,6 +46,6 @@ def _mesh(material: str, grid: FloatArray, chosen: np.ndarray, side: int, *, smo
     normals = None
     if smooth:
         normals = np.cross(np.gradient(grid, axis=1), np.gradient(grid, axis=0)).reshape(-1, 3)
-        normals *= side / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        normals *= -side / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
         normals = normals.astype(np.float32)
     return Mesh(material, grid.reshape(-1, 3).astype(np.float32), faces, None, normals)
