@@ -115,8 +115,13 @@ def test_hidden_boxes_are_ignored() -> None:
     found = labels_of(_facade(), _camera(), out_m)[0]
     assert found.visible == pytest.approx(0.2)
     assert found.ignore
+    assert found.seen_px == (140.0, 175.0, 150.0, 250.0)
     out_m[:, 110:] = 0.0
-    assert not labels_of(_facade(), _camera(), out_m)[0].ignore
+    out_m[:180] = 2.0
+    found = labels_of(_facade(), _camera(), out_m)[0]
+    assert found.visible == pytest.approx((70 / 75) * 0.8, abs=1e-3)
+    assert found.seen_px == (110.0, 180.0, 150.0, 250.0)
+    assert not found.ignore
 
 
 def test_rays_end_where_the_picture_says() -> None:

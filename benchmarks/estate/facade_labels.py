@@ -28,6 +28,7 @@ class Label:
 
     ``visible`` is the share of its pixels in the picture that nothing hides, ``inside`` the share
     of the whole box that the picture shows, ``closed`` the share that a shutter covers.
+    ``seen_px`` bounds the pixels that nothing hides; it is ``box_px`` where all can be seen.
     """
 
     category: str
@@ -35,6 +36,7 @@ class Label:
     visible: float
     inside: float
     closed: float = 0.0
+    seen_px: tuple[float, float, float, float] | None = None
 
     @property
     def ignore(self) -> bool:
@@ -59,17 +61,44 @@ def labels_of(
         top, bottom = max(y0, 0.0), min(y1, float(camera.height_px))
         if right - left < 1 or bottom - top < 1:
             continue
-        pixels = out_m[
-            int(top) : max(int(top) + 1, round(bottom)),
-            int(left) : max(int(left) + 1, round(right)),
-        ]
-        visible = float(np.mean(pixels < out + BEFORE_M))
+        first, start = int(top), int(left)
+        hidden = (
+            out_m[first : max(first + 1, round(bottom)), start : max(start + 1, round(right))]
+            >= out + BEFORE_M
+        )
         inside = (right - left) * (bottom - top) / ((x1 - x0) * (y1 - y0))
-        edges = tuple(round(float(value), 2) for value in (left, top, right, bottom))
+        edges = _rounded(left, top, right, bottom)
         found.append(
-            Label(category, edges, round(visible, 3), round(float(inside), 3), closed)  # type: ignore[arg-type]
+            Label(
+                category,
+                edges,
+                round(float(1 - hidden.mean()), 3),
+                round(float(inside), 3),
+                closed,
+                _seen(hidden, edges),
+            )
         )
     return tuple(found)
+
+
+def _rounded(x0: float, y0: float, x1: float, y1: float) -> tuple[float, float, float, float]:
+    return round(float(x0), 2), round(float(y0), 2), round(float(x1), 2), round(float(y1), 2)
+
+
+def _seen(
+    hidden: NDArray[np.bool_], edges: tuple[float, float, float, float]
+) -> tuple[float, float, float, float] | None:
+    """Bounds of what is not hidden, within the box; None where all is."""
+    rows, columns = np.flatnonzero(~hidden.all(axis=1)), np.flatnonzero(~hidden.all(axis=0))
+    if not len(rows):
+        return None
+    x, y = int(edges[0]), int(edges[1])
+    return _rounded(
+        edges[0] if columns[0] == 0 else x + columns[0],
+        edges[1] if rows[0] == 0 else y + rows[0],
+        edges[2] if columns[-1] == hidden.shape[1] - 1 else x + columns[-1] + 1,
+        edges[3] if rows[-1] == hidden.shape[0] - 1 else y + rows[-1] + 1,
+    )
 
 
 def _things(plan: FacadePlan) -> list[tuple[Box, float, str, float]]:

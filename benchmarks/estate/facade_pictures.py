@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 from si3fp.geometry.enu import GeoOrigin
 from si3fp.geometry.rigid import Rigid3
 
-SAMPLES = 3
-PIXELS = 430_000
+SAMPLES = 2
+"""Even: panes reflect in every other sample."""
+PIXELS = 400_000
 """Pixels of a picture at most: what two cores render in about a second."""
 SKY_HEIGHT_PX = 128
 LONGEST_PX = 1100
@@ -141,11 +142,12 @@ def _camera(
 def _before(rng: np.random.Generator, plan: FacadePlan, camera: FacadeCamera, month: int) -> Before:
     """What stands before the wall: often nothing, sometimes a tree too many."""
     width = plan.wall.width_m
+    nearest_m = 1.0 if camera.eye is None else min(1.0, camera.eye[2] / 16)
     trees: list[tuple[float, float, float]] = []
     if rng.random() < 0.3:
         for _ in range(int(rng.integers(1, 3))):
             tall = rng.uniform(4.0, 9.0)
-            trees.append((rng.uniform(0, width), rng.uniform(2.2, 5.5), tall))
+            trees.append((rng.uniform(0, width), nearest_m * rng.uniform(2.2, 5.5), tall))
     elif rng.random() < 0.3:  # out of the picture, for its shadow
         trees.append((rng.uniform(-3, width + 3), rng.uniform(11.0, 16.0), rng.uniform(6, 12)))
     if rng.random() < 0.3:
@@ -159,7 +161,14 @@ def _before(rng: np.random.Generator, plan: FacadePlan, camera: FacadeCamera, mo
             grey = rng.uniform(0.05, 0.85)
             colours = [(grey,) * 3, (0.45, 0.06, 0.06), (0.08, 0.14, 0.32), (0.20, 0.28, 0.22)]
             rgb = choose(rng, colours, (6, 1, 1, 1))
-            cars.append(Car((x, -rng.uniform(5.0, 5.6)), float(choose(rng, [90, 270])), kind, rgb))
+            cars.append(
+                Car(
+                    (x, -nearest_m * rng.uniform(4.6, 5.6)),
+                    float(choose(rng, [90, 270])),
+                    kind,
+                    rgb,
+                )
+            )
             x += rng.uniform(5.5, 12.0)
     posts = ((rng.uniform(0, width), rng.uniform(3, 4)),) if rng.random() < 0.12 else ()
     wires = tuple(rng.uniform(3, 8, int(rng.integers(1, 4)))) if rng.random() < 0.1 else ()

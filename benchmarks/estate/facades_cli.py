@@ -37,8 +37,7 @@ def write_picture(folder: Path, seed: int, number: int) -> dict[str, Any]:
     written_whole(folder / name, lambda path: image.save(path, quality=quality))
     annotations = []
     for index, label in enumerate(picture.labels):
-        x0, y0, x1, y1 = label.box_px
-        box = [x0, y0, round(x1 - x0, 2), round(y1 - y0, 2)]
+        box = _with_size(label.box_px)
         annotations.append(
             {
                 "id": number * BOXES_PER_PICTURE + index,
@@ -48,6 +47,7 @@ def write_picture(folder: Path, seed: int, number: int) -> dict[str, Any]:
                 "bbox": box,
                 "area": round(box[2] * box[3], 2),
                 "visible": label.visible,
+                "bbox_visible": None if label.seen_px is None else _with_size(label.seen_px),
                 "inside": label.inside,
                 "closed": label.closed,
                 "ignore": int(label.ignore),
@@ -70,6 +70,12 @@ def write_picture(folder: Path, seed: int, number: int) -> dict[str, Any]:
     return record
 
 
+def _with_size(box_px: tuple[float, float, float, float]) -> list[float]:
+    """Left, top, width and height, as COCO has it."""
+    x0, y0, x1, y1 = box_px
+    return [x0, y0, round(x1 - x0, 2), round(y1 - y0, 2)]
+
+
 def coco_of(records: Iterable[dict[str, Any]]) -> dict[str, Any]:
     """One COCO data set of the records, in the order of their pictures."""
     ordered = sorted(records, key=lambda record: record["image"]["id"])
@@ -81,12 +87,14 @@ def coco_of(records: Iterable[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _one_thread() -> None:
-    """Keep a process among others to one core."""
-    os.environ["OMP_NUM_THREADS"] = "1"
+    """Keep a process among others to one thread: idle threads that wait take time from the rest."""
+    os.environ["OIDN_NUM_THREADS"], os.environ["OIDN_SET_AFFINITY"] = "1", "0"
     import cv2  # noqa: PLC0415
     from benchmarks.estate.renderer import mitsuba  # noqa: PLC0415
+    from threadpoolctl import threadpool_limits  # noqa: PLC0415
 
     cv2.setNumThreads(1)
+    threadpool_limits(1)
     mitsuba()
     import drjit  # noqa: PLC0415
 

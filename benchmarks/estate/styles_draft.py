@@ -191,6 +191,11 @@ class Draft:
         self, style: str, finish: Finish, plinth_m: float = 0.0, plinth_rgb: Rgb = (0.45,) * 3
     ) -> FacadePlan:
         """The finished facade; the wall runs from the origin eastward and looks south."""
+        balconies = [
+            b
+            for b in self.balconies
+            if b.kind == "loggia" or any(_leads_to(o, b) for o in self.openings)
+        ]
         loggias = [balcony_box(b) for b in self.balconies if b.kind == "loggia"]
         openings = [
             o
@@ -204,12 +209,20 @@ class Draft:
             self.height_m,
             finish,
             tuple(openings),
-            tuple(self.balconies),
+            tuple(balconies),
             tuple(self.ornaments),
             millimetres(plinth_m),
             plinth_rgb,
         )
         return FacadePlan(style, wall, tuple(self.extras), tuple(self.shops))
+
+
+def _leads_to(opening: Opening, balcony: Balcony) -> bool:
+    """Whether one steps through the opening onto the balcony."""
+    return (
+        balcony.x_m < opening.x_m + opening.width_m / 2 < balcony.x_m + balcony.width_m
+        and balcony.y_m - 0.1 < opening.y_m < balcony.y_m + 0.3
+    )
 
 
 def box_of(opening: Opening) -> Box:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from benchmarks.estate.plan import Finish, WindowStyle
+from benchmarks.estate.plan import Finish, Rgb, WindowStyle
 from benchmarks.estate.styles_draft import Draft, FacadePlan, axes, behind, choose, near
 from benchmarks.estate.styles_parts import (
     FRAMES,
