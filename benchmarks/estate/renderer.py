@@ -81,21 +81,25 @@ class Renderer:
         *,
         denoise: bool = True,
         max_depth: int = 6,
+        albedo_samples: int = ALBEDO_SAMPLES,
     ) -> Rendered:
-        """The picture with ``samples`` paths per pixel, each of at most ``max_depth`` hits."""
+        """The picture with ``samples`` paths per pixel, each of at most ``max_depth`` hits.
+
+        ``albedo_samples`` smooth the edges and textures of a picture that is denoised.
+        """
         height, width = camera.height_px, camera.width_px
         if denoise and not denoiser_or_note():
             samples *= WITHOUT_DENOISER
         seen = np.ones((height, width), bool) if camera.seen is None else camera.seen
         radiance, albedo, normal = (np.zeros((height * width, 3), np.float32) for _ in range(3))
         depth_m = np.full(height * width, np.inf, np.float32)
-        for some in _batches(seen, max(samples, ALBEDO_SAMPLES)):
+        for some in _batches(seen, max(samples, albedo_samples)):
             radiance[some], rough_albedo, normal[some] = self._traced(
                 camera, some, samples, seed, max_depth
             )
             if denoise:
                 radiance[some] /= np.maximum(rough_albedo, DARKEST)
-                albedo[some] = self._albedo(camera, some, seed)
+                albedo[some] = self._albedo(camera, some, albedo_samples, seed)
         for some in _batches(seen, 1):
             middle = np.stack([some % width + 0.5, some // width + 0.5], axis=1)
             depth_m[some] = self.depth_m(*camera.rays(middle))
@@ -115,11 +119,13 @@ class Renderer:
         found = self._tracer.traced(*ray, even, rng, self.mi.UInt32([max_depth]))
         return [_mean(value, samples) for value in _evaluated(found)]
 
-    def _albedo(self, camera: Camera, places: Places, seed: int) -> NDArray[np.float32]:
+    def _albedo(
+        self, camera: Camera, places: Places, samples: int, seed: int
+    ) -> NDArray[np.float32]:
         """Mean albedo (N, 3) of some pixels, of more samples than their light has."""
-        ray, even, rng = self._samples(camera, places, ALBEDO_SAMPLES, seed)
+        ray, even, rng = self._samples(camera, places, samples, seed)
         (found,) = _evaluated([self._tracer.albedo(*ray, even[0], rng)])
-        return _mean(found, ALBEDO_SAMPLES)
+        return _mean(found, samples)
 
     def _samples(
         self, camera: Camera, places: Places, samples: int, seed: int
