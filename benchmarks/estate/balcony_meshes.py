@@ -10,7 +10,7 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from benchmarks.estate.house_materials import fixed, matt, paint
+from benchmarks.estate.house_materials import covered_with, fixed, matt, paint
 from benchmarks.estate.parts import Mesh, Parts
 from benchmarks.estate.plan import Balcony, Rgb
 from benchmarks.estate.solids import box, boxes, cylinder, leaves, sheet
@@ -133,16 +133,18 @@ def _guard(
             if max(balcony.rgb) - min(balcony.rgb) > 0.06:
                 material = matt(parts, balcony.rgb)
             low = y - balcony.slab_m if balcony.kind != "loggia" else y
-            parts.meshes.append(_bar_between(material, run, low - 0.02, top, -0.07, 0.03))
+            parts.meshes.append(_bar_between(material, run, low - 0.02, top - 0.08, -0.07, 0.03))
+            parts.meshes.append(_bars(metal, run, posts, top - 0.08, top - 0.03, 0.015))
+            parts.meshes.append(_bar_between(metal, run, top - 0.035, top, -0.05, -0.01))
             continue
-        material = paint(parts, balcony.rgb)
+        material = covered_with(parts, "weathered_coat", balcony.rgb)
         parts.meshes.append(_bars(metal, run, posts, y - 0.10, top, 0.02))
         parts.meshes.append(_bar_between(metal, run, top - 0.005, top + 0.035, -0.05, 0.035))
         low = y - 0.12 if balcony.kind != "loggia" else y + 0.05
         if front == "sheet":
             parts.meshes.append(_corrugated(material, run, low, top - 0.02))
         else:
-            parts.add(_boards(material, run, posts, low, top - 0.03, balcony.rgb))
+            parts.add(_boards(material, run, posts, low, top - 0.03))
     return parts
 
 
@@ -157,14 +159,11 @@ def _corrugated(material: str, run: _Run, low: float, high: float) -> Mesh:
     return sheet(material, run.at(along[None], heights, out[None]))
 
 
-def _boards(
-    material: str, run: _Run, posts: np.ndarray, low: float, high: float, rgb: Rgb
-) -> Parts:
-    """Flat boards with an open joint at every post and a strip of metal under them."""
+def _boards(material: str, run: _Run, posts: np.ndarray, low: float, high: float) -> Parts:
+    """Flat boards with an open joint at every post."""
     parts = Parts()
-    direction = _Run(run.a, run.b)
     for start, end in pairwise(posts):
-        a, b = direction.at(np.array([start + 0.005, end - 0.005]), np.zeros(2), np.zeros(2))
+        a, b = run.at(np.array([start + 0.005, end - 0.005]), np.zeros(2), np.zeros(2))
         piece = _Run((a[0], a[2]), (b[0], b[2]))
         parts.meshes.append(_bar_between(material, piece, low, high, 0.0, 0.012))
     return parts

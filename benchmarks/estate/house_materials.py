@@ -5,18 +5,32 @@ from __future__ import annotations
 from functools import cache
 from typing import Literal
 
+import numpy as np
 from benchmarks.estate import textures
 from benchmarks.estate.materials import FIXED, painted
+from benchmarks.estate.noise import Field
 from benchmarks.estate.parts import Material, Parts
 from benchmarks.estate.plan import Rgb
+from benchmarks.estate.sheet import Sheet
 from benchmarks.estate.textures import Painter, tile
 
-CoverKind = Literal["slats", "roof_tiles", "felt", "sheet_roof"]
+from si3fp.errors import InputError
+
+CoverKind = Literal["slats", "roof_tiles", "felt", "sheet_roof", "weathered_coat"]
+
+
+def _weathered_coat(sheet: Sheet, rng: np.random.Generator) -> Field:
+    """Paint that has hung outside for years: faint runs and blots."""
+    light = 1 + np.float32(0.02) * sheet.clouds(0.6, 4, rng)
+    return light + np.float32(0.02) * sheet.clouds((0.9, 0.05), 3, rng)
+
+
 _COVERS: dict[CoverKind, tuple[Painter, bool]] = {
     "slats": (textures.slats, False),
     "roof_tiles": (textures.roof_tiles, False),
     "felt": (textures.felt, False),
     "sheet_roof": (textures.seamed, True),
+    "weathered_coat": (_weathered_coat, True),
 }
 
 
@@ -35,7 +49,15 @@ def paint(parts: Parts, rgb: Rgb) -> str:
 
 
 def fixed(parts: Parts, name: str) -> str:
-    """Name of a fixed material, which the parts then hold."""
+    """Name of a fixed material, which the parts then hold.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name.
+    """
+    if name not in FIXED:
+        raise InputError(f"No fixed material is called {name!r}; there are {', '.join(FIXED)}.")
     return _kept(parts, name, FIXED[name])
 
 

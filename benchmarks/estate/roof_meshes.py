@@ -19,13 +19,13 @@ from shapely.ops import split, unary_union
 
 _EDGE_M = 0.04  # a flat roof's metal edge stands this far before the wall
 _PARAPET_M = 0.30
-_UPSTAND_M = 0.14
+UPSTAND_M = 0.14
 _THICK_M = 0.16
 _GUTTER_M = 0.065
 
 
 @dataclass(frozen=True)
-class _Slope:
+class Slope:
     """A plane piece of roof: its plan, and z = a x + b y + c of its underside."""
 
     plan: Polygon
@@ -79,7 +79,7 @@ def roof_parts(building: Building, rng: np.random.Generator) -> Parts:
     return parts
 
 
-def slopes_of(building: Building) -> list[_Slope]:
+def slopes_of(building: Building) -> list[Slope]:
     """The plane pieces of a pitched roof; none for a flat one or a hip that is not convex."""
     roof = building.roof
     plan = Polygon(building.outline)
@@ -94,7 +94,7 @@ def slopes_of(building: Building) -> list[_Slope]:
     if roof.kind == "shed":
         gain = roof.rise_m / np.ptp(reach)
         level = building.height_m - gain * (reach.min() + across @ origin)
-        return [_Slope(wide, *(gain * across), level)]
+        return [Slope(wide, *(gain * across), level)]
     far = 4 * np.abs(building.outline - building.outline.mean(0)).max() + 10
     ridge = LineString([origin - far * along, origin + far * along])
     found = []
@@ -103,7 +103,7 @@ def slopes_of(building: Building) -> list[_Slope]:
         gain = roof.rise_m / max(float((side * reach).max()), 0.5)
         a, b = -side * gain * across
         top = building.height_m + roof.rise_m
-        found.append(_Slope(piece, a, b, top - float(np.dot((a, b), origin))))
+        found.append(Slope(piece, a, b, top - float(np.dot((a, b), origin))))
     return found
 
 
@@ -121,7 +121,7 @@ def _ridge_of(building: Building) -> tuple[np.ndarray, np.ndarray]:
     return along, across * (reach.min() + reach.max()) / 2 + along * (building.outline[0] @ along)
 
 
-def _hip(building: Building, plan: Polygon, wide: Polygon) -> list[_Slope]:
+def _hip(building: Building, plan: Polygon, wide: Polygon) -> list[Slope]:
     """One slope over each wall: where that wall is the nearest one."""
     if plan.convex_hull.area > plan.area * 1.001:
         return []
@@ -147,7 +147,7 @@ def _hip(building: Building, plan: Polygon, wide: Polygon) -> list[_Slope]:
     )
     gain = building.roof.rise_m / inner
     return [
-        _Slope(piece, *(gain * inward[i]), building.height_m - gain * offset[i])
+        Slope(piece, *(gain * inward[i]), building.height_m - gain * offset[i])
         for i, piece in pieces
     ]
 
@@ -166,7 +166,7 @@ def _half_plane(normal: np.ndarray, level: float) -> Polygon:
     )
 
 
-def _laid(material: str, slope: _Slope, lift: float) -> Mesh:
+def _laid(material: str, slope: Slope, lift: float) -> Mesh:
     """The slope's upper face (lift > 0) or its underside, with a texture that runs up the slope."""
     flat = plane(material, slope.plan, 0.0, down=lift <= 0)
     places = flat.vertices[:, :2].astype(np.float64)
@@ -178,7 +178,7 @@ def _laid(material: str, slope: _Slope, lift: float) -> Mesh:
     return replace(flat, vertices=vertices.astype(np.float32), uv=uv.astype(np.float32))
 
 
-def _fascia(material: str, slope: _Slope, a: np.ndarray, b: np.ndarray) -> Mesh:
+def _fascia(material: str, slope: Slope, a: np.ndarray, b: np.ndarray) -> Mesh:
     za, zb = slope.z(np.stack([a, b]))
     if slope.plan.exterior.is_ccw is False:
         a, b, za, zb = b, a, zb, za
@@ -188,7 +188,7 @@ def _fascia(material: str, slope: _Slope, a: np.ndarray, b: np.ndarray) -> Mesh:
     )
 
 
-def _gutter(material: str, slope: _Slope, a: np.ndarray, b: np.ndarray) -> Mesh:
+def _gutter(material: str, slope: Slope, a: np.ndarray, b: np.ndarray) -> Mesh:
     """A round gutter before an eave."""
     down = -np.array([slope.a, slope.b])
     shift = 1.1 * _GUTTER_M * down / max(float(np.linalg.norm(down)), 1e-9)
@@ -196,7 +196,7 @@ def _gutter(material: str, slope: _Slope, a: np.ndarray, b: np.ndarray) -> Mesh:
     return cylinder(material, (*(a + shift), z[0]), (*(b + shift), z[1]), _GUTTER_M, sides=8)
 
 
-def _ridges(material: str, slopes: list[_Slope]) -> list[Mesh]:
+def _ridges(material: str, slopes: list[Slope]) -> list[Mesh]:
     """Round caps where two slopes meet."""
     found = []
     for i, one in enumerate(slopes):
@@ -216,7 +216,7 @@ def _ridges(material: str, slopes: list[_Slope]) -> list[Mesh]:
     return found
 
 
-def _infill(building: Building, slopes: list[_Slope]) -> Parts:
+def _infill(building: Building, slopes: list[Slope]) -> Parts:
     """Upright triangles between the top of plain walls and the roof above them."""
     parts = Parts()
     for wall in building.walls:
@@ -254,6 +254,6 @@ def _flat(building: Building, plan: Polygon) -> Parts:
     parts.meshes += prism(metal, _grown(outer, 0.02).difference(plan), top - 0.05, top + 0.01)
     parts.meshes.append(plane(metal, plan.difference(inner), top + 0.01))
     deck = fixed(parts, "felt")
-    parts.meshes.append(band(deck, inner, top - _UPSTAND_M, top + 0.01, inward=True))
-    parts.meshes.append(plane(deck, inner, top - _UPSTAND_M))
+    parts.meshes.append(band(deck, inner, top - UPSTAND_M, top + 0.01, inward=True))
+    parts.meshes.append(plane(deck, inner, top - UPSTAND_M))
     return parts

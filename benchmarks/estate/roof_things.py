@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.estate.house_materials import fixed, matt, paint
 from benchmarks.estate.parts import Mesh, Parts
 from benchmarks.estate.plan import Building
-from benchmarks.estate.roof_meshes import _UPSTAND_M, slopes_of
+from benchmarks.estate.roof_meshes import UPSTAND_M, Slope, slopes_of
 from benchmarks.estate.solids import cylinder, prism
 from shapely import Point, Polygon, affinity
 from shapely.geometry import box as rectangle
@@ -29,7 +29,7 @@ def roof_things(building: Building, rng: np.random.Generator) -> Parts:
         for _ in range(1 + int(plan.area / 250)):
             parts.meshes += _chimney(parts, building, slopes, turn, rng)
         return parts
-    deck = building.height_m + max(building.roof.rise_m, 0.05) - _UPSTAND_M
+    deck = building.height_m + max(building.roof.rise_m, 0.05) - UPSTAND_M
     free = plan.buffer(-_CLEAR_M)
     if free.is_empty:
         return parts
@@ -85,7 +85,7 @@ def _stand(
 
 
 def _chimney(
-    parts: Parts, building: Building, slopes: list, turn_deg: float, rng: np.random.Generator
+    parts: Parts, building: Building, slopes: list[Slope], turn_deg: float, rng: np.random.Generator
 ) -> list[Mesh]:
     """A chimney in sheet metal, on one slope near the ridge."""
     slope = slopes[int(rng.integers(len(slopes)))]

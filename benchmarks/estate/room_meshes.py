@@ -18,6 +18,7 @@ from shapely.geometry import box as rectangle
 
 _CURTAIN_BEHIND_M = 0.12
 _FOLD_M = 0.11
+SHALLOWEST_M = 0.12  # where there is no space for a room
 _WALLPAPERS: tuple[Rgb, ...] = (
     (0.72, 0.70, 0.65),
     (0.66, 0.60, 0.50),
@@ -49,12 +50,11 @@ def room_of(opening: Opening, free: Polygon) -> Room:
     if opening.kind == "window" and opening.style.panel == 0:
         bottom = opening.y_m - 0.85
     top = opening.y_m + opening.height_m + 0.25
-    margins, depth = (0.05, 0.05), 0.12
     for deep in (3.2, 2.2, 1.4, 0.8, 0.4):
         for side in (0.8, 0.4, 0.1):
             if free.contains(rectangle(x0 - side, near, x1 + side, near + deep)):
                 return Room((x0 - side, x1 + side), (bottom, top), -near, -near - deep)
-    return Room((x0 - margins[0], x1 + margins[1]), (bottom, top), -near, -near - depth)
+    return Room((x0 - 0.05, x1 + 0.05), (bottom, top), -near, -near - SHALLOWEST_M)
 
 
 def behind_parts(opening: Opening, room: Room, rng: np.random.Generator) -> Parts:

@@ -253,8 +253,12 @@ def sheet(material: str, points: FloatArray, *, smooth: bool = False) -> Mesh:
         upward = np.gradient(points, axis=0)
         normals = np.cross(across, upward).reshape(-1, 3)
         normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
+    steps = [np.linalg.norm(np.diff(points[0], axis=0), axis=1)]
+    steps.append(np.linalg.norm(np.diff(points[:, 0], axis=0), axis=1))
+    u, v = (np.concatenate([[0.0], np.cumsum(step)]) / TILE_M for step in steps)
+    uv = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2).astype(np.float32)
     vertices = points.reshape(-1, 3).astype(np.float32)
-    return Mesh(material, vertices, faces.astype(np.int32), None, normals)
+    return Mesh(material, vertices, faces.astype(np.int32), uv, normals)
 
 
 def placed(mesh: Mesh, to_from_mesh: Rigid3) -> Mesh:
