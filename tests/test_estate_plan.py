@@ -228,7 +228,7 @@ def test_the_street_has_its_three_houses_on_both_sides(estates):
         estate = estates["street", seed]
         assert [house.id for house in estate.buildings] == ["north-1", "north-2", "south-1"]
         line = np.array(estate.panorama_lines[0])
-        assert np.hypot(*(line[1] - line[0])) == pytest.approx(48, abs=0.002)
+        assert np.hypot(*(line[1] - line[0])) == pytest.approx(49, abs=0.002)
         assert max(house.storeys for house in estate.buildings) <= 4
         shares = seen_shares(estate.buildings, estate.panorama_lines)
         assert all(shares[f"{house.id}-0"] == 1 for house in estate.buildings)

@@ -75,15 +75,9 @@ def _around_point_block(building: Building) -> _Draft:
 
 def _b2(seed: int) -> _Draft:
     """The balconies' side and both gables lie at the road; nobody drives behind the house."""
-    driven = (
-        (-36.0, -13.5),
-        (22.5, -13.5),
-        (27.5, -12.0),
-        (30.0, -8.0),
-        (30.5, -3.0),
-        (30.5, 9.0),
-    )
-    road = ((-36.0 - AWAY_M, -13.5), *driven, (30.5, AWAY_M))
+    right = ((22.5, -13.5), (27.5, -12.0), (30.0, -8.0), (30.5, -3.0), (30.5, 9.0))
+    driven = (*((-x, y) for x, y in right[::-1]), *right)
+    road = ((-30.5, AWAY_M), *driven, (30.5, AWAY_M))
     return _Draft((b2(seed),), (road,), (driven,))
 
 
@@ -110,9 +104,8 @@ def _slab(seed: int) -> _Draft:
     units = pick(rng, ((5, 5, 5), (4, 4, 4), (6, 6, 6), (5, 5, 5, 5), (7, 7)))
     module = between(rng, 2.8, 3.4, 0.1)
     ground = pick(rng, (0.45, 0.7, 1.2, 1.3))
-    levels = Levels(
-        ground, 2.75, storeys, millimetres(ground + storeys * 2.75 + between(rng, 0.25, 0.4))
-    )
+    attic = 1.3 if rng.random() < 0.25 else between(rng, 0.25, 0.4)
+    levels = Levels(ground, 2.75, storeys, millimetres(ground + storeys * 2.75 + attic))
     slab = Slab(
         millimetres(sum(units) * module),
         between(rng, 11.0, 12.0, 0.2),
@@ -152,7 +145,7 @@ def _small(seed: int) -> _Draft:
 
 
 def _street(seed: int) -> _Draft:
-    """Three houses at both sides of 48 m of road; the one in the south turns balconies to it."""
+    """Three houses at both sides of 49 m of road; the one in the south turns balconies to it."""
     rng = rng_of(seed, "street", "finishes")
     first = int(rng.integers(3))
     skins = (("brick",), ("plaster",), ("panel",))
@@ -183,7 +176,7 @@ def _street(seed: int) -> _Draft:
         moved(house("north-2", (6,), 19.0, 3, "gable", 1), 0.0, (38.5, 11.6)),
         moved(house("south-1", (5, 4), 26.0, 4, "flat", 2), 180.0, (23.0, -11.0)),
     )
-    driven = ((0.0, 0.0), (48.0, 0.0))
+    driven = ((-0.5, 0.0), (48.5, 0.0))
     road = ((-AWAY_M, 0.0), *driven, (48.0 + AWAY_M, 0.0))
     return _Draft(houses, (road,), (driven,))
 
