@@ -189,8 +189,10 @@ def test_a_walk_closes_overlaps_and_shows_every_wall_up_to_its_top(height_m: flo
 def test_a_walk_keeps_off_what_stands_in_its_way() -> None:
     tree = Tree((10.0, -17.0), 8.0, 3.0, "shrub")
     near = a_block("near", 30.0, 9.0)
-    walk = walk_around(an_estate(trees=(tree,), neighbours=(near,)), 60)
+    tall = Tree((-9.0, 5.0), 9.0, 4.0)
+    walk = walk_around(an_estate(trees=(tree, tall), neighbours=(near,)), 60)
     for pose in walk.poses.values():
+        assert Point(pose.place[:2]).distance(Point(tall.place)) > 2.5  # not among its leaves
         assert Point(pose.place[:2]).distance(Point(tree.place)) > 1.5
         assert Point(pose.place[:2]).distance(Polygon(near.outline)) > 0.45
 

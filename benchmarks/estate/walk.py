@@ -31,6 +31,7 @@ NEAREST_M, FARTHEST_M = 4.0, 22.0
 RING_M = (8.0, 17.0)  # the nearest and the farthest loop that is sought first,
 RING_PER_HEIGHT = 1.1  # in between by the height: the eaves lie at 40 degrees
 PERSON_M = 0.5
+CLEAR_OF_LEAVES_M = 1.0
 LEVEL_DEG = 12.0  # pitch of the lower row: some ground in front, most of the wall
 TOP_MARGIN_DEG = 6.0
 TAPE_SIGMA_M = 0.02
@@ -154,17 +155,24 @@ def _loop(
             np.arange(ring_m + 0.5, FARTHEST_M + 0.1, 0.5),
         ]
     )
+    crowns = shapely.union_all(
+        [Point(tree.place).buffer(tree.crown_m / 2 + CLEAR_OF_LEAVES_M) for tree in estate.trees]
+    )
     found = []
     for index in range(count):
         on_ring = np.array(ring.interpolate(index / count, normalized=True).coords[0])
         target = _nearest(outline, on_ring)
         outward = (on_ring - target) / np.linalg.norm(on_ring - target)
-        for distance_m in steps:
-            here = target + distance_m * outward
-            if taken.dwithin(Point(here), PERSON_M) or hides.intersects(LineString([here, target])):
-                continue
-            found.append((here, target))
-            break
+        places = [
+            here
+            for here in target + steps[:, None] * outward
+            if not taken.dwithin(Point(here), PERSON_M)
+            and not hides.intersects(LineString([here, target]))
+        ]
+        # Under a tree only where there is nowhere else.
+        places.sort(key=lambda here: bool(crowns.intersects(Point(here))))
+        if places:
+            found.append((places[0], target))
     if len(found) < 3:
         raise InputError(
             f"The walk around {building.id} of {estate.name} (seed {estate.seed}) has "
