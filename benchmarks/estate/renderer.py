@@ -85,7 +85,8 @@ class Renderer:
     ) -> Rendered:
         """The picture with ``samples`` paths per pixel, each of at most ``max_depth`` hits.
 
-        ``albedo_samples`` smooth the edges and textures of a picture that is denoised.
+        ``albedo_samples`` smooth the edges and textures of a picture that is denoised; with no more
+        than ``samples`` there are none of their own.
         """
         height, width = camera.height_px, camera.width_px
         if denoise and not denoiser_or_note():
@@ -99,7 +100,9 @@ class Renderer:
             )
             if denoise:
                 radiance[some] /= np.maximum(rough_albedo, DARKEST)
-                albedo[some] = self._albedo(camera, some, albedo_samples, seed)
+                if albedo_samples > samples:
+                    rough_albedo = self._albedo(camera, some, albedo_samples, seed)
+                albedo[some] = rough_albedo
         for some in _batches(seen, 1):
             middle = np.stack([some % width + 0.5, some // width + 0.5], axis=1)
             depth_m[some] = self.depth_m(*camera.rays(middle))
