@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.estate.balcony_meshes import balcony_parts
 from benchmarks.estate.building_meshes import building_parts, wall_parts
 from benchmarks.estate.parts import Mesh, Parts
 from benchmarks.estate.plan import (
@@ -22,9 +23,11 @@ from benchmarks.estate.plan import (
 from benchmarks.estate.roof_meshes import roof_parts, slopes_of
 from benchmarks.estate.room_meshes import behind_parts, room_of
 from benchmarks.estate.solids import ball, box, boxes, cylinder, plane, prism, sheet
-from benchmarks.estate.wall_meshes import opening_outline, skin_parts
+from benchmarks.estate.wall_meshes import opening_outline, ornament_parts, skin_parts
 from shapely import Polygon
 from shapely.geometry import box as rectangle
+
+from si3fp.errors import InputError
 
 COARSE = 0.1  # m per texel: the pictures do not matter here
 
@@ -282,3 +285,50 @@ def test_roof_covers_the_house(kind: str) -> None:
         for y in (0.1, 4.1, 7.9):
             down, _ = first_hit(parts, np.array([x, y, 20.0]), np.array([0.0, 0.0, -1.0]))
             assert 5.9 < 20 - down < 8.0
+
+
+@pytest.mark.parametrize("front", ["concrete", "sheet", "board"])
+@pytest.mark.parametrize("kind", ["solid", "railing", "loggia", "french"])
+def test_balcony_stays_in_its_box(kind: str, front: str) -> None:
+    balcony = Balcony(kind, 2.0, 3.0, 4.0, 1.4, guard_m=1.1)  # type: ignore[arg-type]
+    parts = balcony_parts(balcony, front, np.random.default_rng(1))  # type: ignore[arg-type]
+    points = np.concatenate([mesh.vertices for mesh in parts.meshes])
+    near, far = {"loggia": (-0.2, 0.05), "french": (0.0, 0.15)}.get(kind, (-0.05, 1.45))
+    low, high = points.min(0), points.max(0)
+    assert low[0] > 1.95
+    assert high[0] < 6.05
+    assert high[1] == pytest.approx(4.1, abs=0.04)
+    assert low[1] >= 3.0 - balcony.slab_m - 0.03
+    assert near <= low[2]
+    assert high[2] <= far
+    if kind in ("solid", "railing"):
+        down, _ = first_hit(parts, np.array([4.0, 3.9, 0.7]), np.array([0.0, -1.0, 0.0]))
+        assert down == pytest.approx(0.9, abs=1e-5)
+
+
+def test_solid_front_hides_and_railing_shows_what_is_behind() -> None:
+    rng = np.random.default_rng(3)
+    for kind, least, most in (("solid", 0.97, 1.0), ("railing", 0.03, 0.25)):
+        balcony = Balcony(kind, 0.0, 0.0, 4.0, 1.4)  # type: ignore[arg-type]
+        parts = balcony_parts(balcony, "sheet", rng)
+        places = rng.uniform((0.1, 0.15), (3.9, 0.9), (200, 2))
+        hits = [
+            np.isfinite(first_hit(parts, np.array([x, y, 9.0]), np.array([0, 0, -1.0]))[0])
+            for x, y in places
+        ]
+        assert least <= np.mean(hits) <= most
+
+
+def test_unknown_material_of_an_ornament_is_named() -> None:
+    with pytest.raises(InputError, match="gold"):
+        ornament_parts(Ornament("box", 0, 0, 1, 1, 0.1, material="gold"))
+
+
+def test_downpipe_stands_off_the_wall_and_ends_in_a_shoe() -> None:
+    pipe = Ornament("pipe", 1.0, 0.0, 0.1, 6.0, 0.1, gap_m=0.05, material="zinc")
+    (wide, *_) = ornament_parts(pipe).meshes
+    points = np.concatenate([mesh.vertices for mesh in ornament_parts(pipe).meshes])
+    assert wide.vertices[:, 2].max() > 0.2
+    assert points[:, 1].max() == pytest.approx(6.0, abs=1e-6)
+    middle = points[np.abs(points[:, 1] - 6.0) < 0.01]
+    assert middle[:, 2].min() == pytest.approx(0.05, abs=1e-3)
