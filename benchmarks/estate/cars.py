@@ -123,7 +123,7 @@ LOWER, GLASS, ROOF = 9, 5, 7
 def _sections(
     shape: Shape, stations: FloatArray, length: float, width: float
 ) -> tuple[FloatArray, NDArray[np.str_]]:
-    """Points (S, R, 3) of the left half from floor to roof, and the every strip's name (R - 1,)."""
+    """Points (S, R, 3) of the left half from floor to roof, and every strip's name (R - 1,)."""
     top = _curve(shape.top, stations, 7)
     belt = np.minimum(_curve(shape.belt, stations, 8), top - 0.015)
     x = length / 2 - stations * length

@@ -16,20 +16,26 @@ PALETTE = 16
 LEAF_RGB: dict[str, dict[str, tuple[Rgb, Rgb]]] = {
     "round": {
         "spring": ((0.40, 0.50, 0.20), (0.52, 0.60, 0.27)),
-        "summer": ((0.22, 0.33, 0.12), (0.36, 0.46, 0.19)),
+        "summer": ((0.27, 0.37, 0.15), (0.43, 0.52, 0.24)),
         "autumn": ((0.62, 0.42, 0.12), (0.76, 0.60, 0.20)),
     },
     "birch": {
         "spring": ((0.45, 0.54, 0.22), (0.56, 0.63, 0.30)),
-        "summer": ((0.28, 0.38, 0.15), (0.43, 0.52, 0.24)),
+        "summer": ((0.32, 0.42, 0.18), (0.48, 0.56, 0.29)),
         "autumn": ((0.72, 0.56, 0.14), (0.82, 0.69, 0.24)),
     },
     "shrub": {
         "spring": ((0.36, 0.46, 0.20), (0.46, 0.54, 0.25)),
-        "summer": ((0.20, 0.30, 0.12), (0.34, 0.42, 0.18)),
+        "summer": ((0.25, 0.34, 0.15), (0.40, 0.47, 0.23)),
         "autumn": ((0.52, 0.24, 0.14), (0.62, 0.44, 0.18)),
     },
-    "needles": {"summer": ((0.16, 0.24, 0.13), (0.28, 0.36, 0.20))},
+    "grass": {
+        "spring": ((0.30, 0.40, 0.17), (0.48, 0.55, 0.28)),
+        "summer": ((0.30, 0.38, 0.17), (0.50, 0.54, 0.29)),
+        "autumn": ((0.26, 0.31, 0.14), (0.46, 0.45, 0.25)),
+        "bare": ((0.30, 0.31, 0.17), (0.52, 0.48, 0.31)),
+    },
+    "needles": {"summer": ((0.20, 0.28, 0.16), (0.33, 0.41, 0.24))},
 }
 
 
@@ -90,7 +96,7 @@ def leaves(
         material,
         corners.reshape(-1, 3).astype(np.float32),
         faces.astype(np.int32),
-        _palette_uv(count, 4, rng),
+        palette_uv(count, 4, rng),
     )
 
 
@@ -116,11 +122,12 @@ def needles(
         material,
         corners.reshape(-1, 3).astype(np.float32),
         np.arange(3 * count, dtype=np.int32).reshape(-1, 3),
-        _palette_uv(count, 3, rng),
+        palette_uv(count, 3, rng),
     )
 
 
-def _palette_uv(count: int, corners: int, rng: np.random.Generator) -> FloatArray:
+def palette_uv(count: int, corners: int, rng: np.random.Generator) -> FloatArray:
+    """Texture coordinates that give each of ``count`` leaves one colour for all its corners."""
     colour = np.clip(rng.normal(PALETTE / 2, PALETTE / 5, count), 0, PALETTE - 1).astype(int)
     uv = np.stack([(colour + 0.5) / PALETTE, np.full(count, 0.5)], axis=1)
     return np.repeat(uv, corners, axis=0).astype(np.float32)

@@ -79,7 +79,7 @@ def label_image(
     )
     beds = [LineString(hedge.line).buffer(hedge.width_m / 2 + 0.25) for hedge in estate.hedges]
     beds += [
-        Point(tree.place).buffer(tree.crown_m * 0.4 if tree.kind == "shrub" else 0.45)
+        Point(tree.place).buffer(tree.crown_m * 0.36 if tree.kind == "shrub" else 0.28)
         for tree in estate.trees
     ]
     for kind, area in (

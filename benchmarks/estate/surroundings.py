@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import shapely
 from benchmarks.estate.building_meshes import building_parts
 from benchmarks.estate.cars import car_parts
 from benchmarks.estate.foliage import hedge_parts, season_of
+from benchmarks.estate.grass import grass_parts
 from benchmarks.estate.ground import ROAD_Z_M, ground_parts
+from benchmarks.estate.layout import layout_of
 from benchmarks.estate.parts import Material, Parts, joined
-from benchmarks.estate.plan import Estate, Tree, millimetres, rng_of
+from benchmarks.estate.plan import Building, Estate, Tree, Wall, millimetres, rng_of
 from benchmarks.estate.solids import cylinder
 from benchmarks.estate.trees import tree_parts
 from shapely import Point, Polygon
 
-FINE_M = 32.0
+FINE_M = 25.0
 """Trees and cars within this distance of the targets are made in full, others with less."""
 NEIGHBOUR_TEXEL_M = 0.03
 WOOD_M = (150.0, 260.0)
@@ -34,11 +38,13 @@ def surroundings_parts(estate: Estate) -> Parts:
     for neighbour in estate.neighbours:
         away = targets.distance(Polygon(neighbour.outline))
         texel_m = NEIGHBOUR_TEXEL_M * (1 if away < FINE_M else 2)
-        parts.add(building_parts(neighbour, estate.seed, m_per_texel=texel_m))
+        parts.add(building_parts(_emptied(neighbour), estate.seed, m_per_texel=texel_m))
     for detail, wanted in (("fine", True), ("medium", False)):
         some = [tree for tree in estate.trees if near(tree.place) == wanted]
         parts.add(tree_parts(some, season, estate.seed, detail))
     parts.add(tree_parts(_wood(estate), season, estate.seed, "far"))
+    layout = layout_of((*estate.buildings, *estate.neighbours), estate.streets)
+    parts.add(grass_parts(estate, layout))
     parts.add(hedge_parts(estate.hedges, season, estate.seed))
     for coarse in (False, True):
         some = [car for car in estate.cars if near(car.place) != coarse]
@@ -46,6 +52,22 @@ def surroundings_parts(estate: Estate) -> Parts:
     parts.add(_lamp_parts(estate))
     parts.meshes = joined(parts.meshes)
     return parts
+
+
+def _emptied(building: Building) -> Building:
+    """The building without furniture and plants on balconies and sills."""
+
+    def emptied(wall: Wall) -> Wall:
+        return replace(
+            wall,
+            openings=tuple(
+                replace(opening, behind=replace(opening.behind, things=False))
+                for opening in wall.openings
+            ),
+            balconies=tuple(replace(balcony, things=False) for balcony in wall.balconies),
+        )
+
+    return replace(building, walls=tuple(emptied(wall) for wall in building.walls))
 
 
 def _wood(estate: Estate) -> list[Tree]:
