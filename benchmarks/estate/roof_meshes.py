@@ -75,7 +75,7 @@ def roof_parts(building: Building, rng: np.random.Generator) -> Parts:
             if abs(slope.z(a[None])[0] - slope.z(b[None])[0]) < 1e-3 and low < lowest + 1e-3:
                 parts.meshes.append(_gutter(metal, slope, a, b))
     parts.add(_infill(building, slopes))
-    parts.meshes += _ridges(board, slopes)
+    parts.meshes += _ridges(cover, slopes)
     return parts
 
 
