@@ -8,11 +8,11 @@ from typing import Literal
 
 import numpy as np
 from benchmarks.estate.bays import Levels, Point, Side, bays_of
-from benchmarks.estate.facades import wall_of
 from benchmarks.estate.fenestration import between, pick
 from benchmarks.estate.looks import Look, look_of
 from benchmarks.estate.neighbours import NeighbourPlace
 from benchmarks.estate.plan import BalconyKind, Building, FinishKind, millimetres, rng_of
+from benchmarks.estate.wall_plans import wall_of
 
 # Per number of bays: the sides of one landing with the stairs and with the balconies.
 STAIR_UNITS = {
