@@ -73,11 +73,15 @@ def available() -> bool:
 
 
 def denoised(
-    light: NDArray[np.float32], normal: NDArray[np.float32], seen: NDArray[np.bool_]
+    light: NDArray[np.float32],
+    normal: NDArray[np.float32],
+    seen: NDArray[np.bool_],
+    albedo: NDArray[np.float32] | None = None,
 ) -> NDArray[np.float32]:
     """Light (H, W, 3) without the renderer's noise, 0 where not ``seen`` (H, W).
 
-    ``normal`` (H, W, 3) is that of the first surface. Only tiles with something seen are worked on.
+    ``normal`` (H, W, 3) is that of the first surface, and so is ``albedo``, a guide where the light
+    was not divided by it. Only tiles with something seen are worked on.
     """
     library = _library()
     if library is None:
@@ -100,7 +104,8 @@ def denoised(
                 continue
             y0, x0 = max(top - OVERLAP_PX, 0), max(left - OVERLAP_PX, 0)
             tile = np.s_[y0 : bottom + OVERLAP_PX, x0 : right + OVERLAP_PX]
-            clean = _filtered(library, device, light[tile], normal[tile])
+            guide = np.ones_like(light[tile]) if albedo is None else albedo[tile]
+            clean = _filtered(library, device, light[tile], normal[tile], guide)
             clean = clean[top - y0 : bottom - y0, left - x0 : right - x0]
             result[top:bottom, left:right] = clean * wanted[..., None]
     finally:
@@ -109,14 +114,18 @@ def denoised(
 
 
 def _filtered(
-    library: Any, device: int, light: NDArray[np.float32], normal: NDArray[np.float32]
+    library: Any,
+    device: int,
+    light: NDArray[np.float32],
+    normal: NDArray[np.float32],
+    albedo: NDArray[np.float32],
 ) -> NDArray[np.float32]:
-    """One tile through the network. It takes normals only beside an albedo: here 1 everywhere."""
+    """One tile through the network, which takes normals only beside an albedo."""
     images = {
         name: np.ascontiguousarray(image, np.float32)
         for name, image in (
             ("color", light),
-            ("albedo", np.ones_like(light)),
+            ("albedo", albedo),
             ("normal", normal),
             ("output", np.zeros_like(light)),
         )

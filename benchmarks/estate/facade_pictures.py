@@ -29,6 +29,7 @@ PIXELS = 400_000
 """Pixels of a picture at most: what two cores render in about a second."""
 SKY_HEIGHT_PX = 128
 LONGEST_PX = 1100
+DEEPEST = 5
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ def facade_picture(
     parts = facade_parts(shot.plan, shot.before, seed, number)
     sky = sky_map(mitsuba(), shot.light, shot.origin, SKY_HEIGHT_PX)
     renderer = Renderer(in_world(parts, camera.world_from_facade), sky, shot.origin)
-    rendered = renderer.render(camera, samples, number)
+    rendered = renderer.render(camera, samples, number, max_depth=DEEPEST, albedo_samples=samples)
     rng = rng_of(seed, "facade photo", number)
     return FacadePicture(
         number,

@@ -86,11 +86,12 @@ class Renderer:
         """The picture with ``samples`` paths per pixel, each of at most ``max_depth`` hits.
 
         ``albedo_samples`` smooth the edges and textures of a picture that is denoised; with no more
-        than ``samples`` there are none of their own.
+        than ``samples`` the albedo of the paths is but a guide to the denoiser: quick, less sharp.
         """
         height, width = camera.height_px, camera.width_px
         if denoise and not denoiser_or_note():
             samples *= WITHOUT_DENOISER
+        divide = denoise and albedo_samples > samples
         seen = np.ones((height, width), bool) if camera.seen is None else camera.seen
         radiance, albedo, normal = (np.zeros((height * width, 3), np.float32) for _ in range(3))
         depth_m = np.full(height * width, np.inf, np.float32)
@@ -98,18 +99,18 @@ class Renderer:
             radiance[some], rough_albedo, normal[some] = self._traced(
                 camera, some, samples, seed, max_depth
             )
-            if denoise:
+            albedo[some] = rough_albedo
+            if divide:
                 radiance[some] /= np.maximum(rough_albedo, DARKEST)
-                if albedo_samples > samples:
-                    rough_albedo = self._albedo(camera, some, albedo_samples, seed)
-                albedo[some] = rough_albedo
+                albedo[some] = self._albedo(camera, some, albedo_samples, seed)
         for some in _batches(seen, 1):
             middle = np.stack([some % width + 0.5, some // width + 0.5], axis=1)
             depth_m[some] = self.depth_m(*camera.rays(middle))
         picture = radiance.reshape(height, width, 3)
-        if denoise:
-            if denoiser_or_note():
-                picture = denoised(picture, normal.reshape(picture.shape), seen)
+        if denoise and denoiser_or_note():
+            guide = None if divide else albedo.reshape(picture.shape)
+            picture = denoised(picture, normal.reshape(picture.shape), seen, guide)
+        if divide:
             for rows in np.array_split(np.arange(height), height // 256 + 1):
                 picture[rows] *= np.maximum(albedo.reshape(picture.shape)[rows], DARKEST)
         return Rendered(picture, depth_m.reshape(height, width), seen)
