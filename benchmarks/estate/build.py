@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from benchmarks.estate.cameras import Pose
+from benchmarks.estate.denoise import available
 from benchmarks.estate.drive import panorama_poses
 from benchmarks.estate.picture_files import write_json, write_text
 from benchmarks.estate.pictures import Pictures, Say, Size, Task
@@ -131,6 +132,7 @@ def _claimed(folder: Path, estate: Estate, size: Size, counts: Json) -> Json:
         **wanted,
         "light": asdict(estate.light),
         "origin": asdict(estate.origin),
+        "denoised": available(),
         "noise": {**noise_record(), "gps_sigma_m": GPS_SIGMA_M},
         "versions": {name: _version(name) for name in ("si3fp", "mitsuba", "drjit", "numpy")}
         | {"python": platform.python_version()},

@@ -29,7 +29,7 @@ Say = Callable[[str], None]
 SEEN_M_PER_PX = 0.1
 STANDOFF_M = 0.8  # beyond whatever stands out of a wall
 VIGNETTING = 0.2
-SHARE_SEEN = 0.25  # of a panorama, roughly: for the time left
+SHARE_SEEN = 0.1  # of a panorama, roughly: for the time left
 
 
 @dataclass(frozen=True)
