@@ -20,6 +20,7 @@ from benchmarks.estate.plan import (
     Wall,
     WindowStyle,
 )
+from benchmarks.estate.specs import SPECS, estate_of
 from benchmarks.estate.truth import (
     facade_grid,
     facades_of,
@@ -200,6 +201,19 @@ def test_a_mask_of_what_is_seen_knows_picture_side_and_occluders() -> None:
     assert np.flatnonzero(columns)[[0, -1]] == pytest.approx([12, 107], abs=1)
     assert np.flatnonzero(rows)[[0, -1]].tolist() == [0, 39]
     assert not seen_on(facade_grid(gable, 0.1), camera, visible).any()
+
+
+@pytest.mark.parametrize("spec", SPECS)
+def test_every_spec_goes_through_the_model_without_loss(spec: str) -> None:
+    estate = estate_of(spec, 1)
+    read = read_facades(truth_model(estate))
+    true = {facade.id: facade for b in estate.buildings for facade in facades_of(b)}
+    assert {facade.id for facade in read.facades} == set(true)
+    for facade in read.facades:
+        boxes = box_rows(true[facade.id])
+        assert len(facade.windows) == len(boxes)
+        gaps = np.abs(box_rows(facade)[:, None] - boxes[None]).max(axis=2)
+        assert (gaps < 2e-6).sum() == len(boxes)  # each box once
 
 
 def test_a_window_above_the_eaves_raises_its_facade() -> None:
