@@ -14,11 +14,12 @@ from benchmarks.estate.room_meshes import behind_parts, room_of
 from benchmarks.estate.solids import moved, placed, plane
 from benchmarks.estate.wall_meshes import ornament_parts, skin_parts
 from benchmarks.estate.wall_painting import paint_wall
-from shapely import Polygon, affinity
+from shapely import LineString, Polygon, affinity
 from shapely.geometry import box as rectangle
 from shapely.ops import unary_union
 
 INNER_SKIN_M = 0.02  # rooms keep this far from the inside of any wall
+OTHER_WALLS_M = 0.45  # and this far from the other walls, whose frames lie up to 0.3 m behind them
 ALONE_DEPTH_M = 6.0
 
 
@@ -32,7 +33,9 @@ def building_parts(building: Building, seed: int, *, m_per_texel: float = 0.01) 
     cut = [plan.buffer(-INNER_SKIN_M), *(_loggias(wall) for wall in building.walls)]
     free = cut[0].difference(unary_union(cut[1:]))
     for wall in building.walls:
-        parts.add(_wall(wall, building.id, seed, _seen_from(wall, free), m_per_texel))
+        others = [LineString([w.start, w.end]) for w in building.walls if w is not wall]
+        own = free.difference(unary_union(others).buffer(OTHER_WALLS_M))
+        parts.add(_wall(wall, building.id, seed, _seen_from(wall, own), m_per_texel))
     parts.add(roof_parts(building, rng_of(seed, building.id, "roof")))
     parts.add(roof_things(building, rng_of(seed, building.id, "roof things")))
     parts.meshes.append(plane(matt(parts, (0.2, 0.2, 0.2)), plan, -0.02))
