@@ -13,6 +13,8 @@ from benchmarks.estate.plan import FloatArray, Hedge, Rgb, rng_of
 Season = Literal["spring", "summer", "autumn", "bare"]
 PALETTE = 16
 """Colours of one kind of foliage; every leaf takes one."""
+LEAVES_PER_M2 = 260
+TWIGS_PER_M3 = 1500
 LEAF_RGB: dict[str, dict[str, tuple[Rgb, Rgb]]] = {
     "round": {
         "spring": ((0.40, 0.50, 0.20), (0.52, 0.60, 0.27)),
@@ -134,12 +136,11 @@ def palette_uv(count: int, corners: int, rng: np.random.Generator) -> FloatArray
 
 
 def hedge_parts(hedges: Sequence[Hedge], season: Season, seed: int) -> Parts:
-    """Clipped hedges: a dark core within a skin of small leaves, or of twigs where it is bare."""
+    """Clipped hedges: a dark core within a skin of small leaves, or twigs alone where bare."""
     parts = Parts()
     if not hedges:
         return parts
-    core_rgb = (0.10, 0.13, 0.06) if season != "bare" else (0.20, 0.16, 0.12)
-    parts.materials["hedge-core"] = Material("diffuse", core_rgb)
+    parts.materials["hedge-core"] = Material("diffuse", (0.10, 0.13, 0.06))
     if season == "bare":
         name, material = "hedge-twigs", Material("diffuse", (0.30, 0.24, 0.18))
     else:
@@ -167,34 +168,46 @@ def _hedge_piece(
     size = np.array([length, hedge.width_m, hedge.height_m])
     origin = np.append(start, 0.0) - side * hedge.width_m / 2
     frame = np.stack([along, side, up])
+    if season == "bare":
+        return [_twigs(material, origin, frame, size, rng)]
     meshes = [_box("hedge-core", origin, frame, size, inset=0.09)]
-    # Leaves on the five outer faces, by area: axis, which end, area.
-    faces = [(1, 0), (1, 1), (2, 1), (0, 0), (0, 1)]
-    per_m2 = 260 if season != "bare" else 220
-    for axis, upper in faces:
+    for axis, upper in ((1, 0), (1, 1), (2, 1), (0, 0), (0, 1)):  # the faces but the foot
         others = [k for k in range(3) if k != axis]
-        count = int(per_m2 * size[others[0]] * size[others[1]])
+        count = int(LEAVES_PER_M2 * size[others[0]] * size[others[1]])
         local = rng.uniform(0, 1, (count, 3)) * size
         wave = 0.03 * np.sin(local[:, others[0]] * 2.1 + axis) + rng.normal(0, 0.022, count)
         depth = np.abs(rng.normal(0, 0.045, count))
         local[:, axis] = size[axis] + wave - depth if upper else -wave + depth
         normal = np.zeros(3)
         normal[axis] = 1.0 if upper else -1.0
-        world = origin + local @ frame
         facing = (normal @ frame) * 0.7 + rng.normal(0, 0.55, (count, 3)) + [0, 0, 0.3]
-        thin = season == "bare"
-        meshes.append(
-            leaves(
-                material,
-                world,
-                rng.uniform(0.06, 0.095, count) * (1.8 if thin else 1.0),
-                facing,
-                rng,
-                width=0.08 if thin else 0.75,
-                droop=-1.0 if thin else 0.35,
-            )
-        )
+        length_m = rng.uniform(0.06, 0.095, count)
+        meshes.append(leaves(material, origin + local @ frame, length_m, facing, rng, width=0.75))
     return meshes
+
+
+def _twigs(
+    material: str,
+    origin: FloatArray,
+    frame: FloatArray,
+    size: FloatArray,
+    rng: np.random.Generator,
+) -> Mesh:
+    """Twigs that fill the hedge, upright with a lean, ends clipped to its shape."""
+    count = int(TWIGS_PER_M3 * np.prod(size))
+    foot = rng.uniform(0, 1, (count, 3)) * size
+    foot[:, 2] *= 0.8
+    ahead = np.column_stack([rng.normal(0, 0.35, (count, 2)), np.ones(count)])
+    tip = foot + ahead * rng.uniform(0.15, 0.5, (count, 1))
+    tip = np.clip(tip, 0, size + rng.normal(0, 0.03, (count, 3)))
+    side = np.cross(ahead, rng.normal(0, 1, (count, 3)))
+    side *= 0.006 / np.linalg.norm(side, axis=1, keepdims=True)
+    corners = np.stack([foot - side, foot + side, tip], axis=1)
+    return Mesh(
+        material,
+        (origin + corners.reshape(-1, 3) @ frame).astype(np.float32),
+        np.arange(3 * count, dtype=np.int32).reshape(-1, 3),
+    )
 
 
 def _box(
@@ -205,5 +218,4 @@ def _box(
     vertices = origin + (low + bits * (high - low)) @ frame
     quads = [(0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (4, 5, 7, 6)]
     faces = [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))]
-    # Texture coordinates are unused but keep all foliage in the same groups.
     return Mesh(material, vertices.astype(np.float32), np.array(faces, np.int32))

@@ -18,12 +18,12 @@ from benchmarks.estate.solids import cylinder
 from benchmarks.estate.trees import tree_parts
 from shapely import Point, Polygon
 
-FINE_M = 25.0
+FINE_M = 20.0
 """Trees and cars within this distance of the targets are made in full, others with less."""
-NEIGHBOUR_TEXEL_M = 0.03
+NEIGHBOUR_TEXEL_M = 0.04
 WOOD_M = (150.0, 260.0)
 """Distances of the wood that closes the horizon."""
-WOOD_TREES = 300
+WOOD_TREES = 240
 
 
 def surroundings_parts(estate: Estate) -> Parts:
@@ -37,7 +37,7 @@ def surroundings_parts(estate: Estate) -> Parts:
     parts = ground_parts(estate)
     for neighbour in estate.neighbours:
         away = targets.distance(Polygon(neighbour.outline))
-        texel_m = NEIGHBOUR_TEXEL_M * (1 if away < FINE_M else 2)
+        texel_m = NEIGHBOUR_TEXEL_M * (1 if away < 2 * FINE_M else 2)
         parts.add(building_parts(_emptied(neighbour), estate.seed, m_per_texel=texel_m))
     for detail, wanted in (("fine", True), ("medium", False)):
         some = [tree for tree in estate.trees if near(tree.place) == wanted]

@@ -137,7 +137,7 @@ def prototype(
         if not far:
             meshes.append(tubes(dark, *thinned(twigs, 2), 3))
         if detail == "fine":
-            last = children(twigs, 3, 0.2, (20, 55), 0.55, habit.hang, rng)
+            last = children(twigs, 2, 0.2, (20, 55), 0.55, habit.hang, rng)
             meshes.append(tubes(dark, *thinned(last, 2), 3))
         return _fitted(joined(meshes), habit), {}
     shown = int(fine.show_twigs * len(twigs[0]))
