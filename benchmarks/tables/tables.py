@@ -31,17 +31,16 @@ def block(cases: Sequence[Case], command: str) -> str:
         f"Made by `{command}`.",
         "",
         "**The same kind of building and the same protocol, rendered: not the paper's buildings.** "
-        "Height, longest side and number of facades are the paper's; everything else is drawn by "
-        "the seed, and pictures are fewer and smaller than the paper's (below). Our rows are the "
-        "mean over seeds with the range in brackets: **bold** is better than the paper's row "
+        "B1 to B3 have the paper's height, longest side and number of facades; everything else is "
+        "drawn by the seed, and pictures are fewer and smaller than the paper's (below). Our rows are "
+        "the mean over seeds with the range in brackets: **bold** is better than the paper's row "
         "above, *slanted* worse, at the digits shown; signed errors are judged by the mean of "
         "their magnitudes. Totals of ours are pooled: micro over windows, mean over facades.",
         "",
         *lines_of(["building", "method", *(column.head for column in paper.COLUMNS)], rows),
         "",
-        f"{verdicts['better']} of {judged} figures are better than the paper's, "
-        f"{verdicts['same']} equal, {verdicts['worse']} worse.",
-        "",
+        *([f"{verdicts['better']} of {judged} figures are better than the paper's, "
+           f"{verdicts['same']} equal, {verdicts['worse']} worse.", ""] if judged else []),
         *lines_of(
             ["building", "whose", "height (m)", "longest side (m)", "facades", "photos", "px",
              "panoramas", "px", "facades missing (street)"],
