@@ -21,6 +21,7 @@ from shapely.geometry import box as rectangle
 
 SLAT_M = 0.05
 BAR_M = 0.016
+SHEET_M = 0.018
 _TEXELS = 256
 
 
@@ -40,8 +41,12 @@ def extra_parts(extra: Extra, rng: np.random.Generator) -> Parts:
 
 
 def masonry_parts(ornament: Ornament) -> Parts:
-    """An ornament as masonry: matt and a little uneven, where the plan says painted box."""
-    if ornament.kind == "pipe" or ornament.material != "painted":
+    """An ornament as masonry, matt and a little uneven, where the plan says painted box.
+
+    Thin sheets stay painted.
+    """
+    thin = ornament.out_m < SHEET_M
+    if thin or ornament.kind == "pipe" or ornament.material != "painted":
         return ornament_parts(ornament)
     parts = Parts()
     low = (ornament.x_m, ornament.y_m, ornament.gap_m)
