@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from benchmarks.estate.plan import Behind, Rgb, WindowStyle
-from benchmarks.estate.styles_draft import Draft, axes, behind, box_of, choose, near
+from benchmarks.estate.styles_draft import Draft, axes, behind, box_of, choose, near, reach_of
 
 IRON: Rgb = (0.09, 0.09, 0.10)
 WHITE: Rgb = (0.90, 0.90, 0.88)
@@ -208,7 +210,8 @@ def pipes(draft: Draft, count: int, rgb: Rgb) -> None:
     for _ in range(count):
         for _ in range(6):
             x = rng.uniform(0.1, draft.width_m - 0.25)
-            blocked = any(o.x_m - 0.14 < x < o.x_m + o.width_m + 0.04 for o in draft.openings)
+            reaches = [reach_of(opening) for opening in draft.openings]
+            blocked = any(left - 0.14 < x < right + 0.04 for left, _, right, _ in reaches)
             cut = any(b.x_m - 0.14 < x < b.x_m + b.width_m + 0.04 for b in draft.balconies)
             if not blocked and not cut:
                 draft.box(x, 0.1, 0.1, draft.height_m - 0.1, 0.1, rgb, gap_m=0.03, kind="pipe")
@@ -238,7 +241,7 @@ def head(draft: Draft, kind: str, x_m: float, y_m: float, width: float, rgb: Rgb
 def shutters(draft: Draft, rgb: Rgb, closed: float, roller: bool = False) -> None:
     """Close some windows: leaves with louvres, or roller shutters part of the way down."""
     rng = draft.rng
-    for opening in draft.openings:
+    for index, opening in enumerate(draft.openings):
         if opening.kind == "door" or rng.random() >= closed:
             continue
         left, low, right, high = box_of(opening)
@@ -249,6 +252,8 @@ def shutters(draft: Draft, rgb: Rgb, closed: float, roller: bool = False) -> Non
             draft.extra("roller", box, rgb, z_m=front - 0.02, out_m=0.02, count=1)
         elif opening.style.arch == 0:
             draft.extra("leaf", (left, low, right, high), rgb, z_m=front - 0.03, out_m=0.03)
+            shut = replace(opening.style, shutters=False)  # its leaves are the ones beside it
+            draft.openings[index] = replace(opening, style=shut)
 
 
 def sashes(
