@@ -32,9 +32,9 @@ def block(cases: Sequence[Case], command: str) -> str:
         "",
         "**The same kind of building and the same protocol, rendered: not the paper's buildings.** "
         "B1 to B3 have the paper's height, longest side and number of facades; everything else is "
-        "drawn by the seed, and pictures are fewer and smaller than the paper's (below). Our rows are "
-        "the mean over seeds with the range in brackets: **bold** is better than the paper's row "
-        "above, *slanted* worse, at the digits shown; signed errors are judged by the mean of "
+        "drawn by the seed, and pictures are fewer and smaller than the paper's (below). Our rows "
+        "are the mean over seeds with the range in brackets: **bold** is better than the paper's "
+        "row above, *slanted* worse, at the digits shown; signed errors are judged by the mean of "
         "their magnitudes. Totals of ours are pooled: micro over windows, mean over facades.",
         "",
         *lines_of(["building", "method", *(column.head for column in paper.COLUMNS)], rows),
