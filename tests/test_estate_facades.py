@@ -124,6 +124,21 @@ def test_hidden_boxes_are_ignored() -> None:
     assert not found.ignore
 
 
+def test_many_facades_look_at_the_sun() -> None:
+    pytest.importorskip("mitsuba")
+    from benchmarks.estate.facade_pictures import facade_shot
+    from benchmarks.estate.light import direction_of, sun_position_deg
+
+    lit = 0
+    for number in range(60):
+        shot = facade_shot(4, number)
+        sun = direction_of(*sun_position_deg(shot.light.date, shot.light.hour_utc, shot.origin))
+        assert sun[2] > 0
+        outward = shot.camera.world_from_facade.rotate(np.array([0.0, 0.0, 1.0]))
+        lit += outward @ sun > 0
+    assert 36 <= lit <= 54  # 0.45 + 0.55 / 2 of them, give or take two deviations
+
+
 def test_rays_end_where_the_picture_says() -> None:
     pixels = np.array([[0.0, 0.0], [250.0, 300.0]])
     for camera in (_camera(), _camera((3.0, 1.6, 12.0))):

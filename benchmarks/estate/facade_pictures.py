@@ -13,7 +13,7 @@ from benchmarks.estate.facade_camera import FacadeCamera
 from benchmarks.estate.facade_labels import Label, labels_of
 from benchmarks.estate.facade_scene import Before, facade_parts, in_world
 from benchmarks.estate.lens import photographed
-from benchmarks.estate.light import sky_map
+from benchmarks.estate.light import sky_map, sun_position_deg
 from benchmarks.estate.plan import Car, Light, Rgb, rng_of
 from benchmarks.estate.renderer import Renderer, mitsuba
 from benchmarks.estate.styles import facade_plan
@@ -30,6 +30,8 @@ PIXELS = 400_000
 SKY_HEIGHT_PX = 128
 LONGEST_PX = 1100
 DEEPEST = 5
+FACES_SUN = 0.45
+"""Share of the pictures whose wall is turned to the sun; the rest look anywhere."""
 
 
 @dataclass(frozen=True)
@@ -60,18 +62,19 @@ def facade_shot(seed: int, number: int, *, longest_px: int = LONGEST_PX) -> Shot
     plan = facade_plan(seed, number)
     wall = plan.wall
     rng = rng_of(seed, "facade shot", number)
-    heading = np.deg2rad(rng.uniform(0, 360))
-    end = (wall.width_m * np.cos(heading), wall.width_m * np.sin(heading))
+    month, hour = int(rng.integers(3, 11)), round(float(rng.uniform(7.0, 17.0)), 2)
+    origin = GeoOrigin(round(float(rng.uniform(30, 60)), 3), 0.0, 0.0)
+    skies = [0.0, rng.uniform(0.05, 0.4), rng.uniform(0.4, 0.8), 1.0]
+    cloud = round(float(choose(rng, skies, (2, 3, 2, 4))), 2)
+    light = Light(f"2024-{month:02d}-{int(rng.integers(1, 29)):02d}", hour, cloud)
+    outward_deg = rng.uniform(0, 360)
+    if rng.random() < FACES_SUN:
+        sun_deg, _ = sun_position_deg(light.date, light.hour_utc, origin)
+        outward_deg = sun_deg + rng.uniform(-80, 80)
+    along = np.deg2rad(180 - outward_deg)
+    end = (wall.width_m * np.cos(along), wall.width_m * np.sin(along))
     world_from_facade = replace(wall, end=end).world_from_facade
     camera = _camera(rng, plan, world_from_facade, longest_px)
-    month, hour = int(rng.integers(3, 11)), rng.uniform(7.0, 17.0)
-    origin = GeoOrigin(round(float(rng.uniform(30, 60)), 3), 0.0, 0.0)
-    cloud = float(
-        choose(rng, [0.0, rng.uniform(0.05, 0.4), rng.uniform(0.4, 0.8), 1.0], (2, 3, 2, 4))
-    )
-    light = Light(
-        f"2024-{month:02d}-{int(rng.integers(1, 29)):02d}", round(hour, 2), round(cloud, 2)
-    )
     return Shot(plan, camera, _before(rng, plan, camera, month), light, origin)
 
 
