@@ -10,6 +10,7 @@ import pytest
 from benchmarks.estate.facade_camera import FacadeCamera
 from benchmarks.estate.facade_labels import CATEGORIES, Label, labels_of
 from benchmarks.estate.facades_cli import coco_of
+from benchmarks.estate.opening_meshes import Joinery, filling_parts
 from benchmarks.estate.plan import Balcony, Behind, Finish, Opening, Wall, WindowStyle
 from benchmarks.estate.styles import STYLES, facade_plan
 from benchmarks.estate.styles_draft import Draft, FacadePlan, box_of
@@ -49,6 +50,20 @@ def test_openings_behind_the_wall_lie_in_a_loggia(style: str) -> None:
                 and loggia.y_m - 0.3 <= opening.y_m <= loggia.y_m + loggia.clear_m
             ]
             assert bool(holding) == (opening.depth_m > 0)
+
+
+@pytest.mark.parametrize("style", ["walk_up", "terrace", "works", "gruenderzeit"])
+def test_windows_with_arches_are_not_boarded_up(style: str) -> None:
+    arched = 0
+    for number in range(40):
+        for opening in facade_plan(1, number, style).wall.openings:
+            if opening.style.arch and opening.kind == "window":
+                arched += 1
+                parts = filling_parts(opening, Joinery(0.01, None), np.random.default_rng(0))
+                panes = [mesh for mesh in parts.meshes if mesh.material == "glass"]
+                cells = len(opening.style.lights) * (2 if opening.style.transom else 1)
+                assert len(panes) == cells
+    assert arched > 0
 
 
 def test_plans_depend_on_seed_and_number_alone() -> None:

@@ -153,7 +153,9 @@ def _before(rng: np.random.Generator, plan: FacadePlan, camera: FacadeCamera, mo
             tall = rng.uniform(4.0, 9.0)
             trees.append((rng.uniform(0, width), nearest_m * rng.uniform(2.2, 5.5), tall))
     elif rng.random() < 0.3:  # out of the picture, for its shadow
-        trees.append((rng.uniform(-3, width + 3), rng.uniform(11.0, 16.0), rng.uniform(6, 12)))
+        behind_m = (9.0 if camera.eye is None else camera.eye[2]) + 4.5
+        place = rng.uniform(-3, width + 3), behind_m + rng.uniform(0, 4)
+        trees.append((*place, rng.uniform(6, 12)))
     if rng.random() < 0.3:
         for _ in range(int(rng.integers(1, 6))):
             trees.append((rng.uniform(0, width), rng.uniform(0.7, 1.5), rng.uniform(0.8, 2.2)))

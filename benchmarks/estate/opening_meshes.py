@@ -68,10 +68,10 @@ def _cells(opening: Opening, inner: Polygon, post_m: float) -> tuple[list[Any], 
     if style.transom is not None:
         bar = y + style.transom * opening.height_m
         posts.append(rectangle(x0 - 1, bar - post_m / 2, x1 + 1, bar + post_m / 2))
-    posts = [post.intersection(inner) for post in posts]
     rest = inner
-    for post in posts:
+    for post in posts:  # uncut: a post clipped to the frame would leave slivers beside its ends
         rest = rest.difference(post)
+    posts = [post.intersection(inner) for post in posts]
     cells = [cell for cell in getattr(rest, "geoms", [rest]) if cell.area > 0.01]
     return sorted(cells, key=lambda cell: cell.bounds), posts
 
