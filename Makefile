@@ -29,7 +29,7 @@ $(READY): pyproject.toml constraints.txt
 	  echo "'$(PYTHON)' cannot make virtual environments."; \
 	  echo "On Debian and Ubuntu: apt-get install python3-venv"; exit 1; }
 	$(PYTHON) -m venv --clear .venv
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[dev,energy,geo]'
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[dev,energy,geo,estate]'
 	@touch $@
 
 test: lint
