@@ -62,7 +62,7 @@ def run_demo(
     click.echo(_table(result))
     good = _verdict(result)
     for lost in run.failed:
-        click.echo(f"{lost.facade_id} was seen and not found ({lost.step}: {lost.reason}): NOT GOOD")
+        click.echo(f"{lost.facade_id} was seen, but {lost.step} failed: {lost.reason}: NOT GOOD")
     good = good and not run.failed
     click.echo(f"report: {write_report(out)}")
     return 0 if good else 1
