@@ -15,6 +15,7 @@ from benchmarks.estate.plan import Balcony, Behind, Finish, Opening, Wall, Windo
 from benchmarks.estate.styles import STYLES, facade_plan
 from benchmarks.estate.styles_draft import Draft, FacadePlan, box_of
 
+from si3fp.errors import Si3fpError
 from si3fp.geometry.rigid import Rigid3
 
 FRONT = Rigid3(np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), np.zeros(3))
@@ -267,3 +268,22 @@ def test_inside_a_window_the_rendered_depth_is_its_recess() -> None:
     assert np.all(out_m[y0 + 2 : y1 - 2, x0 + 1 : x1 - 1] < -0.02)
     np.testing.assert_allclose(out_m[y0 + 2 : y1 - 2, x0 - 4 : x0 - 1], 0, atol=0.01)
     np.testing.assert_allclose(out_m[y0 + 2 : y1 - 2, x1 + 1 : x1 + 4], 0, atol=0.01)
+
+
+def test_one_failed_picture_costs_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from benchmarks.estate import facades_cli
+    from click.testing import CliRunner
+
+    def write(folder: Path, seed: int, number: int) -> dict:
+        if number == 2:
+            raise RuntimeError("no convex corner")
+        record = {"image": {"id": number}, "annotations": []}
+        facades_cli.write_json(folder / "records" / f"{seed}-{number:06d}.json", record)
+        return record
+
+    monkeypatch.setattr(facades_cli, "write_picture", write)
+    done = CliRunner().invoke(facades_cli.facades, ["-n", "4", "-o", str(tmp_path)])
+    assert isinstance(done.exception, Si3fpError)
+    assert "numbers [2]" in str(done.exception)
+    coco = json.loads((tmp_path / facades_cli.COCO).read_text())
+    assert [image["id"] for image in coco["images"]] == [0, 1, 3]

@@ -17,6 +17,8 @@ from benchmarks.estate.picture_files import write_json, written_whole
 from benchmarks.estate.plan import rng_of
 from PIL import Image
 
+from si3fp.errors import Si3fpError
+
 COCO = "annotations.coco.json"
 BOXES_PER_PICTURE = 1000
 """Numbers of annotations that belong to one picture, so that no other picture changes them."""
@@ -101,14 +103,25 @@ def _one_thread() -> None:
     drjit.set_thread_count(1)
 
 
-def _records(folder: Path, seed: int, numbers: range, jobs: int) -> Iterator[dict[str, Any]]:
-    write = partial(write_picture, folder, seed)
+def _attempt(folder: Path, seed: int, number: int) -> str | None:
+    """Write one picture; what went wrong, if anything: one picture must not cost thousands."""
+    try:
+        write_picture(folder, seed, number)
+    except Si3fpError:
+        raise
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+    return None
+
+
+def _attempts(folder: Path, seed: int, numbers: range, jobs: int) -> Iterator[str | None]:
+    attempt = partial(_attempt, folder, seed)
     if jobs == 1:
-        yield from map(write, numbers)
+        yield from map(attempt, numbers)
         return
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(jobs, mp_context=context, initializer=_one_thread) as pool:
-        yield from pool.map(write, numbers)
+        yield from pool.map(attempt, numbers)
 
 
 @click.command("facades")
@@ -120,9 +133,18 @@ def _records(folder: Path, seed: int, numbers: range, jobs: int) -> Iterator[dic
 def facades(count: int, seed: int, start: int, output: Path, jobs: int) -> None:
     """Make facade pictures with exact boxes in DIR; pictures that are there stay."""
     numbers = range(start, start + count)
-    for done, record in enumerate(_records(output, seed, numbers, jobs), start=1):
-        if done % 20 == 0 or done == count:
-            click.echo(f"{done} of {count}: {record['image']['file_name']}", err=True)
+    failed = []
+    for number, reason in zip(numbers, _attempts(output, seed, numbers, jobs), strict=True):
+        if reason:
+            failed.append(number)
+            click.echo(f"Picture {number} of seed {seed} failed: {reason}", err=True)
+        if (done := number - start + 1) % 20 == 0 or done == count:
+            click.echo(f"{done} of {count}", err=True)
     paths = (output / "records").glob(f"{seed}-*.json")
     write_json(output / COCO, coco_of(json.loads(path.read_text()) for path in paths))
     click.echo(str(output / COCO))
+    if failed:
+        raise Si3fpError(
+            f"{len(failed)} of {count} pictures failed (numbers {failed}); the others lie in "
+            f"{output}. Run again for another try, or go on without them."
+        )

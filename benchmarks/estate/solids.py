@@ -20,6 +20,7 @@ from shapely.geometry.polygon import orient
 from si3fp.geometry.rigid import Rigid3
 
 FloatArray = NDArray[np.float64]
+GRID_M = 1e-5
 # A box's corners by (x, y, z) bit, and its faces counter-clockwise from outside.
 _CORNERS = np.array([[i & 1, i >> 1 & 1, i >> 2] for i in range(8)], bool)
 _SIDES = {
@@ -76,7 +77,11 @@ def box(material: str, low: ArrayLike, high: ArrayLike, *, without: str = "") ->
 
 def triangles_of(shape: Polygon) -> FloatArray:
     """Triangles (T, 3, 2) that fill a polygon with holes, counter-clockwise."""
-    coordinates = shapely.get_coordinates(shapely.constrained_delaunay_triangles(shape))
+    try:
+        triangulated = shapely.constrained_delaunay_triangles(shape)
+    except shapely.errors.GEOSException:  # corners a rounding error apart from being in line
+        triangulated = shapely.constrained_delaunay_triangles(shapely.set_precision(shape, GRID_M))
+    coordinates = shapely.get_coordinates(triangulated)
     triangles: FloatArray = coordinates.reshape(-1, 4, 2)[:, :3]
     first, second = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     turn = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
