@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ pytest.importorskip("mitsuba")
 
 from benchmarks.estate import pictures, renderer
 from benchmarks.estate.build import build
+from benchmarks.estate.light import sky_map
 from benchmarks.estate.parts import Parts
 from benchmarks.estate.pictures import Size
 from benchmarks.estate.plan import (
@@ -41,7 +43,7 @@ from si3fp.sources.triangle import read_known_distances
 
 ORIGIN = GeoOrigin(57.69, 11.98, 14.0)
 PHOTOS = 8
-TINY = Size(256, 2, 96, PHOTOS, 2, 1, 0.2, 0.2)
+TINY = Size(256, 2, 48, PHOTOS, 2, 1, 0.2, 0.2)
 RECESS_M = 0.2
 
 
@@ -77,9 +79,10 @@ def an_estate() -> Estate:
 
 @pytest.fixture(scope="module", autouse=True)
 def quick() -> Iterator[None]:
-    """Few rays at once (a batch is always traced whole), and nothing around the house."""
+    """Few rays at once, a coarse sky, and nothing around the house."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(renderer, "BATCH_RAYS", 1 << 14)
+        patch.setattr(renderer, "sky_map", partial(sky_map, height_px=64))
         patch.setattr(pictures, "surroundings_parts", lambda estate: Parts())
         yield
 
@@ -116,7 +119,7 @@ def test_the_photo_path_reads_photos_poses_and_triangle(built: Path) -> None:
     folder = read_photo_records(built / "photos")
     assert len(folder.records) == PHOTOS and not folder.unreadable
     for record in folder.records:
-        assert (record.width_px, record.height_px, record.focal_35mm) == (96, 72, 26)
+        assert (record.width_px, record.height_px, record.focal_35mm) == (48, 36, 26)
         assert record.gps is not None and record.captured == "2024-06-12"
     names = {record.id for record in folder.records}
     assert {photo.id for photo in read_colmap_text(built / "truth/cameras").photos} == names
