@@ -69,7 +69,8 @@ def sky_with_clouds(
     near = directions[..., 2] > 0.15
     threshold = np.quantile(field[near], 1 - np.clip(cloud, 0.02, 0.98))
     thick = np.clip((field - threshold) / 0.16, 0, 1)
-    cover = np.clip((field - threshold) / 0.045, 0, 1)
+    edge = 0.045 + 0.08 * cloud  # where there are many they hang together, with soft edges
+    cover = np.clip((field - threshold) / edge, 0, 1)
     cover = cover * cover * (3 - 2 * cover)
     towards = sun[:2] / max(np.linalg.norm(sun[:2]), 1e-6)
     behind = np.clip((density(bent + 0.22 * towards, 5) - threshold) / 0.2, 0, 1)

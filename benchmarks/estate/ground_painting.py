@@ -26,7 +26,7 @@ KINDS: tuple[GroundKind, ...] = (
 """What the labels 0..7 of a ground map mean."""
 
 COLOURS: dict[GroundKind, Rgb] = {
-    "grass": (0.285, 0.335, 0.185),
+    "grass": (0.375, 0.415, 0.265),
     "asphalt": (0.385, 0.380, 0.372),
     "paving": (0.55, 0.54, 0.515),
     "gravel": (0.52, 0.50, 0.46),
@@ -135,15 +135,15 @@ def _skin(
     fade = np.float32(min(1.0, (0.03 / m_per_texel) ** 0.7))
     match kind:
         case "grass":
-            light += np.float32(0.05) * sheet.clouds(6.0, 5, rng, 0.6)
+            light += np.float32(0.04) * sheet.clouds(6.0, 5, rng, 0.6)
             dry = smooth(0.5, 2.4, sheet.clouds(3.5, 5, rng, 0.6) + 0.9 * np.exp(-near_m / 0.25))
-            warm += np.float32(0.007) * sheet.clouds(2.0, 4, rng) + np.float32(0.035) * dry
-            light += np.float32(0.14) * dry
+            warm += np.float32(0.007) * sheet.clouds(2.0, 4, rng) + np.float32(0.030) * dry
+            light += np.float32(0.10) * dry
             clover = smooth(1.2, 2.0, sheet.clouds(1.4, 3, rng))
-            light -= np.float32(0.10) * clover
+            light -= np.float32(0.05) * clover
             warm -= np.float32(0.012) * clover
-            fine = np.float32(0.15) * tile.grain(rng) + np.float32(0.10) * tile.clouds(0.12, 2, rng)
-            fine += np.float32(0.5) * tile.specks(1.2, 0.012, rng)  # daisies and dry leaves
+            fine = np.float32(0.12) * tile.grain(rng) + np.float32(0.05) * tile.clouds(0.12, 2, rng)
+            fine += np.float32(0.4) * tile.specks(1.2, 0.012, rng)  # daisies and dry leaves
         case "gravel" | "soil":
             light += np.float32(0.05) * sheet.clouds(3.0, 5, rng)
             light -= np.float32(0.10) * np.exp(-near_m / np.float32(0.3))

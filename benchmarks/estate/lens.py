@@ -1,7 +1,7 @@
 """What a camera makes of the light: distortion, exposure, colour, tone, blur and noise.
 
 Brown, D. (1971). Close-range camera calibration. Photogrammetric Engineering 37.
-Narkowicz, K. (2016). ACES filmic tone mapping curve (the curve's constants).
+Narkowicz, K. (2016). ACES filmic tone mapping curve (but for the lift of its toe).
 """
 
 from __future__ import annotations
@@ -128,9 +128,9 @@ def white_balance(radiance: NDArray[np.float32], seen: NDArray[np.bool_]) -> Flo
 
 
 def tone(light: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Display light 0..1 by a filmic curve: a soft toe, and a shoulder for highlights."""
-    x = np.maximum(light, 0) * np.float32(0.6)
-    shown = x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)
+    """Display light 0..1 by a filmic curve: a shoulder for highlights, shadows lifted a little."""
+    x = np.maximum(light, 0) * np.float32(0.55)
+    shown = x * (2.51 * x + 0.10) / (x * (2.43 * x + 0.59) + 0.14)
     return np.clip(shown, 0, 1).astype(np.float32)
 
 

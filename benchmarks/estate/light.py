@@ -97,7 +97,7 @@ def direction_of(azimuth_deg: float, elevation_deg: float) -> FloatArray:
 def sky_map(mi: Any, light: Light, origin: GeoOrigin, height_px: int = 1024) -> SkyMap:
     """Sun and sky of that hour; ``mi`` is Mitsuba with its variant set (its clear sky is used).
 
-    Cumulus covers about ``light.cloud`` of the sky; above 0.75 it closes to an overcast sky. The
+    Cumulus covers about ``light.cloud`` of the sky; above 0.65 it closes to an overcast sky. The
     sun is dimmed from 0.35 on and gone at 0.8.
     """
     if not 0 <= light.cloud <= 1:
@@ -111,7 +111,7 @@ def sky_map(mi: Any, light: Light, origin: GeoOrigin, height_px: int = 1024) -> 
     directions = _directions(height_px)[:upper]
     rng = rng_of(0, "sky", light.date, light.hour_utc, light.cloud)
     clear = clear_sky(mi, directions, sun)
-    closed = _smooth_step(light.cloud, 0.75, 0.95)
+    closed = _smooth_step(light.cloud, 0.65, 0.85)
     sky = np.zeros_like(clear)
     if closed < 1:
         sky += (1 - closed) * sky_with_clouds(clear, directions, sun, light.cloud, rng)

@@ -74,7 +74,7 @@ _RECIPES: dict[str, Callable[[str], Material]] = {
     "asphalt": _is("diffuse", (0.385, 0.380, 0.372), textures.asphalt),
     "paving": _is("diffuse", (0.55, 0.54, 0.52), textures.slabs),
     "kerb": _is("diffuse", (0.55, 0.54, 0.53), textures.concrete),
-    "grass": _is("diffuse", (0.285, 0.335, 0.185), textures.grass),
+    "grass": _is("diffuse", (0.375, 0.415, 0.265), textures.grass),
     "gravel": _is("diffuse", (0.54, 0.52, 0.48), textures.gravel),
     "soil": _is("diffuse", (0.30, 0.25, 0.20), textures.soil),
     # Plants. Leaves are darker than they are remembered: about a tenth of the light comes back.
