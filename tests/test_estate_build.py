@@ -14,11 +14,10 @@ from PIL import Image
 
 pytest.importorskip("mitsuba")
 
-from benchmarks.estate import pictures, renderer
 from benchmarks.estate.build import build
-from benchmarks.estate.light import sky_map
+from benchmarks.estate.capture import pictures
+from benchmarks.estate.capture.pictures import Size
 from benchmarks.estate.parts import Parts
-from benchmarks.estate.pictures import Size
 from benchmarks.estate.plan import (
     Balcony,
     Behind,
@@ -31,6 +30,8 @@ from benchmarks.estate.plan import (
     Wall,
     WindowStyle,
 )
+from benchmarks.estate.rendering import renderer
+from benchmarks.estate.rendering.light import sky_map
 
 from si3fp.errors import InputError, MissingDependencyError
 from si3fp.evaluate import read_facades

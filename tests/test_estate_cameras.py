@@ -7,8 +7,8 @@ from dataclasses import astuple
 import cv2
 import numpy as np
 import pytest
-from benchmarks.estate.cameras import Equirect, LensCamera, Orthographic, Pose
-from benchmarks.estate.lens import Distortion
+from benchmarks.estate.capture.cameras import Equirect, LensCamera, Orthographic, Pose
+from benchmarks.estate.capture.lens import Distortion
 
 from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.pinhole import Pinhole

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.estate.citygml import buildings_from_citygml, ingolstadt_estate, read_citygml
-from benchmarks.estate.citygml_file import read_city_file
+from benchmarks.estate.plans.citygml import buildings_from_citygml, ingolstadt_estate, read_citygml
+from benchmarks.estate.plans.citygml_file import read_city_file
 
 from si3fp.errors import InputError
 

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.estate.facade_camera import FacadeCamera
-from benchmarks.estate.facade_labels import CATEGORIES, Label, labels_of
-from benchmarks.estate.facades_cli import coco_of
-from benchmarks.estate.opening_meshes import Joinery, filling_parts
+from benchmarks.estate.facades.facade_camera import FacadeCamera
+from benchmarks.estate.facades.facade_labels import CATEGORIES, Label, labels_of
+from benchmarks.estate.facades.facades_cli import coco_of
+from benchmarks.estate.facades.styles import STYLES, facade_plan
+from benchmarks.estate.facades.styles_draft import Draft, FacadePlan, box_of
+from benchmarks.estate.meshes.opening_meshes import Joinery, filling_parts
 from benchmarks.estate.plan import Balcony, Behind, Finish, Opening, Wall, WindowStyle
-from benchmarks.estate.styles import STYLES, facade_plan
-from benchmarks.estate.styles_draft import Draft, FacadePlan, box_of
 
 from si3fp.errors import Si3fpError
 from si3fp.geometry.rigid import Rigid3
@@ -142,8 +142,8 @@ def test_hidden_boxes_are_ignored() -> None:
 
 def test_many_facades_look_at_the_sun() -> None:
     pytest.importorskip("mitsuba")
-    from benchmarks.estate.facade_pictures import facade_shot
-    from benchmarks.estate.light import direction_of, sun_position_deg
+    from benchmarks.estate.facades.facade_pictures import facade_shot
+    from benchmarks.estate.rendering.light import direction_of, sun_position_deg
 
     lit = 0
     for number in range(60):
@@ -203,8 +203,8 @@ def _pixels(path: Path) -> np.ndarray:
 def _write_small(folder: Path, numbers: range, monkeypatch: pytest.MonkeyPatch) -> dict:
     from functools import partial
 
-    from benchmarks.estate import facade_pictures
-    from benchmarks.estate.facades_cli import write_picture
+    from benchmarks.estate.facades import facade_pictures
+    from benchmarks.estate.facades.facades_cli import write_picture
 
     small = partial(facade_pictures.facade_picture, samples=1, longest_px=96)
     monkeypatch.setattr(facade_pictures, "facade_picture", small)
@@ -247,10 +247,10 @@ def test_pictures_are_rendered_once_and_their_boxes_are_true(
 
 def test_inside_a_window_the_rendered_depth_is_its_recess() -> None:
     pytest.importorskip("mitsuba")
-    from benchmarks.estate.facade_scene import Before, facade_parts, in_world
-    from benchmarks.estate.light import sky_map
+    from benchmarks.estate.facades.facade_scene import Before, facade_parts, in_world
     from benchmarks.estate.plan import Light
-    from benchmarks.estate.renderer import Renderer, mitsuba
+    from benchmarks.estate.rendering.light import sky_map
+    from benchmarks.estate.rendering.renderer import Renderer, mitsuba
 
     from si3fp.geometry.enu import GeoOrigin
 
@@ -271,7 +271,7 @@ def test_inside_a_window_the_rendered_depth_is_its_recess() -> None:
 
 
 def test_one_failed_picture_costs_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from benchmarks.estate import facades_cli
+    from benchmarks.estate.facades import facades_cli
     from click.testing import CliRunner
 
     def write(folder: Path, seed: int, number: int) -> dict:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benchmarks.estate.lens import Distortion, distort, exposure, photographed, undistort
+from benchmarks.estate.capture.lens import Distortion, distort, exposure, photographed, undistort
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -6,8 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.estate.balcony_meshes import balcony_parts
-from benchmarks.estate.building_meshes import building_parts, wall_parts
+from benchmarks.estate.meshes.balcony_meshes import balcony_parts
+from benchmarks.estate.meshes.building_meshes import building_parts, wall_parts
+from benchmarks.estate.meshes.roof_meshes import roof_parts, slopes_of
+from benchmarks.estate.meshes.room_meshes import behind_parts, room_of
+from benchmarks.estate.meshes.solids import ball, box, boxes, cylinder, plane, prism, sheet
+from benchmarks.estate.meshes.wall_meshes import opening_outline, ornament_parts, skin_parts
 from benchmarks.estate.parts import Mesh, Parts
 from benchmarks.estate.plan import (
     Balcony,
@@ -20,10 +24,6 @@ from benchmarks.estate.plan import (
     Wall,
     WindowStyle,
 )
-from benchmarks.estate.roof_meshes import roof_parts, slopes_of
-from benchmarks.estate.room_meshes import behind_parts, room_of
-from benchmarks.estate.solids import ball, box, boxes, cylinder, plane, prism, sheet
-from benchmarks.estate.wall_meshes import opening_outline, ornament_parts, skin_parts
 from shapely import Polygon
 from shapely.geometry import box as rectangle
 

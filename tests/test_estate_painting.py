@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.estate.ground_painting import COLOURS, KINDS, paint_ground
-from benchmarks.estate.materials import FIXED, fabric, painted
-from benchmarks.estate.noise import clouds, specks
-from benchmarks.estate.panelwork import element_joints
+from benchmarks.estate.painting.ground_painting import COLOURS, KINDS, paint_ground
+from benchmarks.estate.painting.materials import FIXED, fabric, painted
+from benchmarks.estate.painting.noise import clouds, specks
+from benchmarks.estate.painting.panelwork import element_joints
+from benchmarks.estate.painting.sheet import Sheet, covered
+from benchmarks.estate.painting.wall_painting import BRIGHTEST, DARKEST, paint_wall
+from benchmarks.estate.painting.weathering import weathered
 from benchmarks.estate.plan import Balcony, Finish, Opening, Ornament, Wall, WindowStyle, rng_of
-from benchmarks.estate.sheet import Sheet, covered
-from benchmarks.estate.wall_painting import BRIGHTEST, DARKEST, paint_wall
-from benchmarks.estate.weathering import weathered
 
 WALL_KINDS = ("brick", "plaster", "panel", "boards", "stone", "metal", "tiles")
 

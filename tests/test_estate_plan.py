@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 import shapely
 from benchmarks.estate import specs
-from benchmarks.estate.buildings import neighbour_slab
-from benchmarks.estate.neighbours import NeighbourPlace
 from benchmarks.estate.plan import Building, Estate, Opening, Wall, rng_of
-from benchmarks.estate.sight import seen_shares
+from benchmarks.estate.plans.buildings import neighbour_slab
+from benchmarks.estate.plans.sight import seen_shares
+from benchmarks.estate.site.neighbours import NeighbourPlace
 from benchmarks.estate.specs import SPECS, estate_of
 from shapely import LineString, Polygon, box
 

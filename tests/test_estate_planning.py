@@ -7,12 +7,10 @@ from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
-from benchmarks.estate.cameras import Equirect, Pose
-from benchmarks.estate.drive import facades_seen_from, panorama_poses, towards_buildings
-from benchmarks.estate.plan import Building, Car, Estate, Finish, Tree, Wall
-from benchmarks.estate.reported import exact_planes, panorama_feature, reported
-from benchmarks.estate.site import obstacles
-from benchmarks.estate.walk import (
+from benchmarks.estate.capture.cameras import Equirect, Pose
+from benchmarks.estate.capture.drive import facades_seen_from, panorama_poses, towards_buildings
+from benchmarks.estate.capture.reported import exact_planes, panorama_feature, reported
+from benchmarks.estate.capture.walk import (
     LENS,
     TAPE_SIGMA_M,
     colmap_text,
@@ -23,6 +21,8 @@ from benchmarks.estate.walk import (
     triangle_record,
     walk_around,
 )
+from benchmarks.estate.plan import Building, Car, Estate, Finish, Tree, Wall
+from benchmarks.estate.site.placing import obstacles
 from shapely import LineString, Point, Polygon
 
 from si3fp.geometry.enu import GeoOrigin, world_from_geodetic

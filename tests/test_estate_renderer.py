@@ -7,7 +7,9 @@ import pytest
 
 pytest.importorskip("mitsuba")
 
-from benchmarks.estate.light import (
+from benchmarks.estate.parts import Material, Mesh, Parts
+from benchmarks.estate.plan import Light
+from benchmarks.estate.rendering.light import (
     SkyMap,
     direction_of,
     level_irradiance,
@@ -15,10 +17,8 @@ from benchmarks.estate.light import (
     sky_map,
     sun_position_deg,
 )
-from benchmarks.estate.parts import Material, Mesh, Parts
-from benchmarks.estate.plan import Light
-from benchmarks.estate.renderer import Renderer
-from benchmarks.estate.variant import mitsuba
+from benchmarks.estate.rendering.renderer import Renderer
+from benchmarks.estate.rendering.variant import mitsuba
 
 from si3fp.errors import InputError, MissingDependencyError
 from si3fp.geometry.enu import GeoOrigin
@@ -193,7 +193,7 @@ class TestPictures:
     def test_a_pixel_does_not_depend_on_its_batch(self, monkeypatch):
         scene = renderer([GROUND], sky_of(0.3), wall=Material("plastic"))
         whole = scene.render(DOWN, 4, 7, denoise=False).radiance
-        monkeypatch.setattr("benchmarks.estate.renderer.BATCH_RAYS", 100)
+        monkeypatch.setattr("benchmarks.estate.rendering.renderer.BATCH_RAYS", 100)
         assert np.allclose(scene.render(DOWN, 4, 7, denoise=False).radiance, whole, atol=1e-6)
         assert not np.allclose(scene.render(DOWN, 4, 8, denoise=False).radiance, whole, atol=1e-6)
 

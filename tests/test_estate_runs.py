@@ -20,7 +20,7 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Evaluation:
     """The run on a rendered house against its exact truth."""
     pytest.importorskip("mitsuba")
     from benchmarks.estate.build import build
-    from benchmarks.estate.pictures import SIZES
+    from benchmarks.estate.capture.pictures import SIZES
     from benchmarks.estate.specs import estate_of
 
     folder: Path = tmp_path_factory.mktemp("small")

@@ -7,17 +7,17 @@ import dataclasses
 import numpy as np
 import pytest
 import shapely
-from benchmarks.estate import ground, surroundings
-from benchmarks.estate.car_shapes import CAR_SIZES_M, car_outline
-from benchmarks.estate.cars import car_parts
-from benchmarks.estate.foliage import hedge_parts, season_of
-from benchmarks.estate.layout import doors_of, layout_of
-from benchmarks.estate.neighbours import NeighbourPlace, plain_neighbour
 from benchmarks.estate.parts import Parts
 from benchmarks.estate.plan import Car, Estate, Hedge, Light, Street, Tree, rng_of
-from benchmarks.estate.planting import Sight, _wall_samples
-from benchmarks.estate.site import is_free, obstacles, walk_rings, with_surroundings
-from benchmarks.estate.trees import DETAILS, HABITS, prototype, tree_parts
+from benchmarks.estate.site import ground, surroundings
+from benchmarks.estate.site.car_shapes import CAR_SIZES_M, car_outline
+from benchmarks.estate.site.cars import car_parts
+from benchmarks.estate.site.foliage import hedge_parts, season_of
+from benchmarks.estate.site.layout import doors_of, layout_of
+from benchmarks.estate.site.neighbours import NeighbourPlace, plain_neighbour
+from benchmarks.estate.site.placing import is_free, obstacles, walk_rings, with_surroundings
+from benchmarks.estate.site.planting import Sight, _wall_samples
+from benchmarks.estate.site.trees import DETAILS, HABITS, prototype, tree_parts
 from shapely import LineString, Point, Polygon
 
 from si3fp.geometry.enu import GeoOrigin

@@ -9,7 +9,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.estate.cameras import LensCamera, Pose
+from benchmarks.estate.capture.cameras import LensCamera, Pose
+from benchmarks.estate.capture.truth import (
+    facade_grid,
+    facades_of,
+    facades_record,
+    footprints_geojson,
+    seen_on,
+    truth_model,
+)
 from benchmarks.estate.plan import (
     Balcony,
     Building,
@@ -21,14 +29,6 @@ from benchmarks.estate.plan import (
     WindowStyle,
 )
 from benchmarks.estate.specs import SPECS, estate_of
-from benchmarks.estate.truth import (
-    facade_grid,
-    facades_of,
-    facades_record,
-    footprints_geojson,
-    seen_on,
-    truth_model,
-)
 
 from si3fp.evaluate import evaluate, read_facades
 from si3fp.geometry.enu import GeoOrigin

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import click
-from benchmarks.estate.facades_cli import facades
+from benchmarks.estate.facades.facades_cli import facades
 
 from si3fp.errors import Si3fpError
 
@@ -51,7 +51,7 @@ def build_command(
     SPEC is b1, b2, b3, slab, high-slab, point, small, street, or a surveyed building.
     """
     from benchmarks.estate.build import PARTS, build  # noqa: PLC0415
-    from benchmarks.estate.pictures import SIZES  # noqa: PLC0415
+    from benchmarks.estate.capture.pictures import SIZES  # noqa: PLC0415
     from benchmarks.estate.specs import estate_of  # noqa: PLC0415
 
     parts = tuple(part for part in PARTS if not only or part in only)

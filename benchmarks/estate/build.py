@@ -23,15 +23,18 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Literal
 
-from benchmarks.estate.cameras import Pose
-from benchmarks.estate.denoise import available
-from benchmarks.estate.drive import panorama_poses
-from benchmarks.estate.picture_files import write_json, write_text
-from benchmarks.estate.pictures import Pictures, Say, Size, Task
-from benchmarks.estate.plan import Estate
-from benchmarks.estate.reported import noise_record, panorama_feature, reported
-from benchmarks.estate.truth import facades_record, footprints_geojson, poses_record, truth_model
-from benchmarks.estate.walk import (
+from benchmarks.estate.capture.cameras import Pose
+from benchmarks.estate.capture.drive import panorama_poses
+from benchmarks.estate.capture.picture_files import write_json, write_text
+from benchmarks.estate.capture.pictures import Pictures, Say, Size, Task
+from benchmarks.estate.capture.reported import noise_record, panorama_feature, reported
+from benchmarks.estate.capture.truth import (
+    facades_record,
+    footprints_geojson,
+    poses_record,
+    truth_model,
+)
+from benchmarks.estate.capture.walk import (
     GPS_SIGMA_M,
     colmap_text,
     flight_around,
@@ -39,6 +42,8 @@ from benchmarks.estate.walk import (
     triangle_record,
     walk_around,
 )
+from benchmarks.estate.plan import Estate
+from benchmarks.estate.rendering.denoise import available
 
 from si3fp.errors import InputError
 from si3fp.sources.plane_map import encode_plane_map

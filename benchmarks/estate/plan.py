@@ -149,7 +149,7 @@ class Ornament:
     """Something that stands out of the wall: a box, or an upright pipe (round).
 
     ``out_m`` is its depth, ``gap_m`` the air between wall and it. ``material`` names one of the
-    fixed materials of ``materials.py``; ``rgb`` overrides its colour.
+    fixed materials of ``painting.materials``; ``rgb`` overrides its colour.
     """
 
     kind: Literal["box", "pipe"]

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from benchmarks.estate.bays import Levels, Point
-from benchmarks.estate.buildings import (
+from benchmarks.estate.plan import Building, Estate, Light, Street, millimetres, rng_of
+from benchmarks.estate.plans.bays import Levels, Point
+from benchmarks.estate.plans.buildings import (
     Slab,
     b1,
     b2,
@@ -19,10 +20,9 @@ from benchmarks.estate.buildings import (
     slab_block,
     turned,
 )
-from benchmarks.estate.fenestration import between, pick
-from benchmarks.estate.plan import Building, Estate, Light, Street, millimetres, rng_of
-from benchmarks.estate.sight import seen_shares
-from benchmarks.estate.site import with_surroundings
+from benchmarks.estate.plans.fenestration import between, pick
+from benchmarks.estate.plans.sight import seen_shares
+from benchmarks.estate.site.placing import with_surroundings
 from shapely import MultiPolygon, Polygon
 
 from si3fp.errors import InputError
@@ -214,7 +214,7 @@ def estate_of(spec: str, seed: int, data: Path | None = None) -> Estate:
     file in the folder ``data`` (by default ``lod3-ingolstadt`` in that of ``SI3FP_TEST_DATA``).
     """
     if spec.startswith(SURVEYED):
-        from benchmarks.estate.citygml import ingolstadt_estate  # noqa: PLC0415, builds on this module
+        from benchmarks.estate.plans.citygml import ingolstadt_estate  # noqa: PLC0415, builds on this module
 
         return ingolstadt_estate(spec.removeprefix(SURVEYED), seed, data)
     if spec not in _DRAFTS:

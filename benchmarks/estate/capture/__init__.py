@@ -1,0 +1,1 @@
+"""What a user would have: cameras and their errors, pictures, and the truth beside them."""

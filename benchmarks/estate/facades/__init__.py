@@ -1,0 +1,1 @@
+"""Facade pictures with exact boxes: training data for the detector."""

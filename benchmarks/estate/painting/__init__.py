@@ -1,0 +1,1 @@
+"""Albedo: whole walls, the ground, materials and textures."""

@@ -1,0 +1,1 @@
+"""Houses as plans: the Million Programme by rule, and surveyed buildings from CityGML."""

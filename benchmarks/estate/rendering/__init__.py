@@ -1,0 +1,1 @@
+"""Light: paths, sun and sky, the denoiser."""

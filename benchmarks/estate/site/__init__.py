@@ -1,0 +1,1 @@
+"""What stands around the houses: placing, ground, trees, hedges, cars."""
