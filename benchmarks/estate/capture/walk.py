@@ -13,6 +13,7 @@ from benchmarks.estate.capture.lens import Distortion
 from benchmarks.estate.plan import Building, Estate, millimetres, rng_of
 from benchmarks.estate.site.placing import obstacles
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 from shapely import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
@@ -30,6 +31,9 @@ LENS = Distortion(k1=-0.045, k2=0.018, p1=0.0004, p2=-0.0003)
 NEAREST_M, FARTHEST_M = 4.0, 22.0
 RING_M = (8.0, 17.0)  # the nearest and the farthest loop that is sought first,
 RING_PER_HEIGHT = 1.1  # in between by the height: the eaves lie at 40 degrees
+STEP = 0.35  # along a wall, of the distance from it: photos share three quarters
+TURN = float(np.deg2rad(11.0))  # around a corner: at 20 degrees features are no longer matched
+AIM = 1.0  # of the distance: the camera looks at the middle of what passes on so much of the way
 PERSON_M = 0.5
 CLEAR_OF_LEAVES_M = 1.0
 LEVEL_DEG = 12.0  # pitch of the lower row: some ground in front, most of the wall
@@ -70,7 +74,8 @@ def lens_camera(pose: Pose, pinhole: Pinhole) -> LensCamera:
 def walk_around(estate: Estate, count: int) -> Walk:
     """``count`` photos from eye height on a closed loop around every target.
 
-    A loop runs where facades fit into the picture, nearer where something stands in the way.
+    A loop runs where facades fit into the picture, nearer where something stands in the way, with
+    shorter steps around corners.
     Buildings too high for one picture get a second row that looks up, from every place or from
     every third.
     """
@@ -137,7 +142,7 @@ def _nearest(outline: Polygon, here: FloatArray) -> FloatArray:
 def _loop(
     estate: Estate, building: Building, count: int, ring_m: float
 ) -> list[tuple[FloatArray, FloatArray]]:
-    """Places and the points on the walls that they look at, counter-clockwise."""
+    """Places and the points that they look at, counter-clockwise."""
     outline, taken = Polygon(building.outline), obstacles(estate)
     hides = shapely.union_all(
         [
@@ -146,28 +151,20 @@ def _loop(
             if other is not building
         ]
     )
-    ring = outline.buffer(ring_m).exterior
-    if not ring.is_ccw:
-        ring = ring.reverse()
-    steps = np.concatenate(
-        [
-            np.arange(ring_m, NEAREST_M - 0.1, -0.5),
-            np.arange(ring_m + 0.5, FARTHEST_M + 0.1, 0.5),
-        ]
-    )
+    distances_m = np.arange(NEAREST_M, FARTHEST_M + 0.1, 0.5)
+    # As far away as the photos beside it where that can be: features change with the scale.
+    distances_m = distances_m[np.argsort(np.abs(np.log(distances_m / ring_m)), kind="stable")]
     crowns = shapely.union_all(
         [Point(tree.place).buffer(tree.crown_m / 2 + CLEAR_OF_LEAVES_M) for tree in estate.trees]
     )
     found = []
-    for index in range(count):
-        on_ring = np.array(ring.interpolate(index / count, normalized=True).coords[0])
-        target = _nearest(outline, on_ring)
-        outward = (on_ring - target) / np.linalg.norm(on_ring - target)
+    for on_ring, foot, target in zip(*_stations(outline, count, ring_m), strict=True):
+        outward = (on_ring - foot) / np.linalg.norm(on_ring - foot)
         places = [
             here
-            for here in target + steps[:, None] * outward
+            for here in foot + distances_m[:, None] * outward
             if not taken.dwithin(Point(here), PERSON_M)
-            and not hides.intersects(LineString([here, target]))
+            and not hides.intersects(LineString([here, foot]))
         ]
         # Under a tree only where there is nowhere else.
         places.sort(key=lambda here: bool(crowns.intersects(Point(here))))
@@ -179,6 +176,32 @@ def _loop(
             f"{len(found)} free places of {count}; take another seed."
         )
     return found
+
+
+def _stations(
+    outline: Polygon, count: int, ring_m: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Places on the ring, the nearest points of the walls, and what is looked at; (count, 2) each.
+
+    Steps are even by what changes in the picture: by the way along walls, by the angle around
+    corners.
+    """
+    ring = outline.buffer(ring_m).exterior
+    if not ring.is_ccw:
+        ring = ring.reverse()
+    dense = max(20 * count, round(ring.length / 0.1))
+    shares = np.arange(dense) / dense
+    places = shapely.get_coordinates(shapely.line_interpolate_point(ring, shares, normalized=True))
+    on_wall = shapely.shortest_line(shapely.points(places), outline.exterior)
+    feet = shapely.get_coordinates(on_wall)[1::2]
+    step_m = ring.length / dense
+    passed_m = np.linalg.norm(np.roll(feet, -1, axis=0) - feet, axis=1)
+    effort = np.where(passed_m < 0.1 * step_m, step_m / TURN, step_m / STEP)
+    reached = np.cumsum(effort) - effort
+    index = np.searchsorted(reached, np.arange(count) / count * effort.sum(), side="right") - 1
+    window = max(1, round(AIM * ring_m / step_m))
+    aims = uniform_filter1d(feet, window, axis=0, mode="wrap")
+    return places[index], feet[index], aims[index]
 
 
 def _held(

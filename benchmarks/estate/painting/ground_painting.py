@@ -39,6 +39,7 @@ _SOFT = ("grass", "gravel", "soil")  # their edges are ragged
 _BITUMEN = ("asphalt", "marking", "parking")
 _COARSE_M = 0.15
 _FINE_PX = 1024
+_PATCH_PX = 48
 _BAND_PX = 256
 
 
@@ -108,12 +109,24 @@ def _laid(skin: _Skin, rows: slice, columns: slice, shape: tuple[int, int]) -> F
     size = (columns.stop - columns.start, rows.stop - rows.start)
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     here = cv2.warpAffine(skin.colour, source, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
-    down = np.arange(rows.start, rows.stop) % _FINE_PX
-    # Every second tile is shifted, so that the eye finds no grid.
-    across = np.arange(columns.start, columns.stop)
-    place = (across + 389 * (across // _FINE_PX)) % _FINE_PX
-    here *= skin.fine[down][:, place][..., None]
+    here *= _strewn(skin.fine, rows, columns)[..., None]
     return here
+
+
+def _strewn(tile: Field, rows: slice, columns: slice) -> Field:
+    """Brightness (h, w) of a part of the ground: patches of the tile, each from somewhere in it.
+
+    Laid side by side the tile would show the same lawn in places metres apart, and photos of both
+    would match.
+    """
+    size = len(tile)
+    table = np.random.default_rng(11).integers(0, size, (2, 61, 67)).astype(np.int32)
+    down = np.arange(rows.start, rows.stop, dtype=np.int32)
+    across = np.arange(columns.start, columns.stop, dtype=np.int32)
+    patch = np.ix_(down // _PATCH_PX % 61, across // _PATCH_PX % 67)
+    row = (down[:, None] + table[0][patch]) % size
+    column = (across[None, :] + table[1][patch]) % size
+    return tile[row, column]
 
 
 def _skin(
