@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from benchmarks.estate.painting.ground_painting import COLOURS, KINDS, paint_ground
@@ -224,6 +225,17 @@ def test_ground_has_the_colours_of_its_labels_and_sharp_kerbs() -> None:
     marked[240:] = KINDS.index("asphalt")
     rows = paint_ground(marked, 0.04, 90.0, rng_of(9)).astype(float).mean((1, 2))
     assert int(np.argmin(np.diff(rows[200:280]))) in (39, 38)  # the kerb, or the joint before it
+
+
+def test_no_two_places_of_a_lawn_look_alike() -> None:
+    lawn = paint_ground(np.zeros((1700, 1700), np.uint8), 0.025, 90.0, rng_of(9))
+    grey = lawn.mean(axis=2).astype(np.float32)
+    grain = grey - cv2.GaussianBlur(grey, (0, 0), 3.0)
+    here = grain[300:460, 200:360]
+    alike = cv2.matchTemplate(grain, here, cv2.TM_CCOEFF_NORMED)
+    assert alike[300, 200] > 0.99
+    alike[298:303, 198:203] = 0.0
+    assert alike.max() < 0.4
 
 
 def test_slabs_of_a_pavement_repeat_every_35_cm_along_the_street() -> None:

@@ -7,6 +7,7 @@ from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
+import shapely
 from benchmarks.estate.capture.cameras import Equirect, Pose
 from benchmarks.estate.capture.drive import facades_seen_from, panorama_poses, towards_buildings
 from benchmarks.estate.capture.reported import exact_planes, panorama_feature, reported
@@ -184,6 +185,22 @@ def test_a_walk_closes_overlaps_and_shows_every_wall_up_to_its_top(height_m: flo
             before = (camera.world_from_cam.translation - points) @ frame.rotation[:, 2] > 1
             views += before & np.isfinite(camera.pixels(points)).all(axis=1)
         assert views.min() >= 5
+
+
+@pytest.mark.parametrize(("height_m", "count"), [(9.0, 60), (24.0, 100)])
+def test_a_walk_turns_around_corners_in_steps_that_features_survive(height_m, count) -> None:
+    estate = an_estate(height_m)
+    outline = Polygon(estate.buildings[0].outline)
+    level = [p for p in walk_around(estate, count).poses.values() if p.pitch_deg < 16.5]
+    places = np.array([pose.place[:2] for pose in level])
+    lines = shapely.shortest_line(shapely.points(places), outline.exterior)
+    away = places - shapely.get_coordinates(lines)[1::2]
+    bearing = np.unwrap(np.arctan2(away[:, 1], away[:, 0]))
+    turns_deg = np.rad2deg(np.diff(bearing))
+    assert turns_deg.min() >= 0 and turns_deg.max() < 16
+    looked_deg = np.array([pose.heading_deg for pose in level])
+    change_deg = (np.diff(looked_deg) + 180) % 360 - 180
+    assert np.abs(change_deg).max() < 25  # by hand: 2 degrees of error each
 
 
 def test_a_walk_keeps_off_what_stands_in_its_way() -> None:
