@@ -166,8 +166,13 @@ def _loop(
             if not taken.dwithin(Point(here), PERSON_M)
             and not hides.intersects(LineString([here, foot]))
         ]
-        # Under a tree only where there is nowhere else.
-        places.sort(key=lambda here: bool(crowns.intersects(Point(here))))
+        # Behind a tree, or under it, only where there is nowhere else.
+        places.sort(
+            key=lambda here: (
+                int(crowns.intersects(LineString([here, foot])))
+                + int(crowns.intersects(Point(here)))
+            )
+        )
         if places:
             found.append((places[0], target))
     if len(found) < 3:
