@@ -246,6 +246,25 @@ def test_rooms_stay_inside_the_house() -> None:
     assert min(mesh.vertices[:, 2].min() for mesh in parts.meshes) > -1.0
 
 
+@pytest.mark.parametrize("x_m", [0.1, 0.43, 8.0, 8.5])
+def test_windows_near_a_corner_have_a_real_room(x_m: float) -> None:
+    """A board right behind the glass would be a flat white window in the sun."""
+    free = rectangle(0.45, 0.02, 9.55, 8.0)
+    window = replace(WINDOW, x_m=x_m)
+    right = x_m + window.width_m
+    room = room_of(window, free)
+    assert room.near_z - room.far_z > 1.0
+    assert free.contains(rectangle(room.x[0], -room.near_z, room.x[1], -room.far_z))
+    assert room.front[0] < x_m and room.front[1] > right
+    parts = behind_parts(replace(window, behind=Behind(0.0)), room, np.random.default_rng(1))
+    for x in np.linspace(x_m + 0.05, right - 0.05, 7):
+        start = np.array([x, window.y_m + 0.3, 0.0])
+        distance, _ = first_hit(parts, start, np.array([0.0, 0.0, -1.0]))
+        assert distance < -room.far_z + 1e-3
+        inside = room.x[0] + 0.1 < x < room.x[1] - 0.1
+        assert distance > 1.0 if inside else distance > -room.near_z
+
+
 def test_no_ray_sees_through_the_house(whole: Parts) -> None:
     """Past the glass every ray through a window ends on something inside."""
     opaque = Parts([mesh for mesh in whole.meshes if mesh.material != "glass"], whole.materials)

@@ -6,6 +6,7 @@ In the wall's frame: x right, y up, z out of the wall.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from benchmarks.estate.meshes.solids import ball, box, cylinder, leaves, quad, sheet
@@ -18,6 +19,9 @@ from shapely.geometry import box as rectangle
 
 _CURTAIN_BEHIND_M = 0.12
 _FOLD_M = 0.11
+_DEPTHS_M = (3.2, 2.2, 1.4, 0.8, 0.4)
+_SIDES_M = (0.8, 0.4, 0.1, 0.0, -0.1, -0.2, -0.3, -0.4)  # beyond the opening, or less than it
+_SPLAY_M = 0.15  # a room narrower than its opening widens over so much towards it
 SHALLOWEST_M = 0.12  # where there is no space for a room
 _WALLPAPERS: tuple[Rgb, ...] = (
     (0.72, 0.70, 0.65),
@@ -30,31 +34,53 @@ _WALLPAPERS: tuple[Rgb, ...] = (
 
 @dataclass(frozen=True)
 class Room:
-    """The free space behind an opening: (x0, x1) and (y0, y1) on the wall, z from near to far."""
+    """The free space behind an opening: (x0, x1) and (y0, y1) on the wall, z from near to far.
+
+    ``front`` is its (x0, x1) at the opening; it has its own width a little farther in.
+    """
 
     x: tuple[float, float]
     y: tuple[float, float]
     near_z: float
     far_z: float
+    front: tuple[float, float]
 
 
 def room_of(opening: Opening, free: Polygon) -> Room:
-    """The largest of a few usual rooms that fits behind the opening.
+    """The deepest of a few usual rooms that fits behind the opening, as wide as it can be.
 
     ``free`` is the plan of the building (x along the wall, depth behind its plane), without what
-    other loggias take of it.
+    other loggias take of it. In a corner a room may be narrower than its opening.
     """
     x0, x1 = opening.x_m, opening.x_m + opening.width_m
     near = opening.depth_m + opening.recess_m + FRAME_BACK_M
     bottom = opening.y_m - 0.02
     if opening.kind == "window" and opening.style.panel == 0:
         bottom = opening.y_m - 0.85
-    top = opening.y_m + opening.height_m + 0.25
-    for deep in (3.2, 2.2, 1.4, 0.8, 0.4):
-        for side in (0.8, 0.4, 0.1):
-            if free.contains(rectangle(x0 - side, near, x1 + side, near + deep)):
-                return Room((x0 - side, x1 + side), (bottom, top), -near, -near - deep)
-    return Room((x0 - 0.05, x1 + 0.05), (bottom, top), -near, -near - SHALLOWEST_M)
+    y = (bottom, opening.y_m + opening.height_m + 0.25)
+    for deep in _DEPTHS_M:
+        left, right = (
+            _reach(opening, towards, (near, near + deep), free) for towards in (-1.0, 1.0)
+        )
+        if left is not None and right is not None:
+            front = min(left, x0 - 0.02), max(right, x1 + 0.02)
+            return Room((left, right), y, -near, -near - deep, front)
+    x = (x0 - 0.05, x1 + 0.05)
+    return Room(x, y, -near, -near - SHALLOWEST_M, x)
+
+
+def _reach(
+    opening: Opening, towards: float, depths: tuple[float, float], free: Polygon
+) -> float | None:
+    """How far (x) a room between two depths can go from the opening's middle to one side."""
+    middle, half = opening.x_m + opening.width_m / 2, opening.width_m / 2
+    for side in _SIDES_M:
+        x = middle + towards * (half + side)
+        if half + side > 0 and free.contains(
+            rectangle(min(x, middle), depths[0], max(x, middle), depths[1])
+        ):
+            return x
+    return None
 
 
 def behind_parts(opening: Opening, room: Room, rng: np.random.Generator) -> Parts:
@@ -80,7 +106,7 @@ def behind_parts(opening: Opening, room: Room, rng: np.random.Generator) -> Part
 
 
 def _room(opening: Opening, room: Room, rng: np.random.Generator) -> Parts:
-    """Five faces that look inwards, and a lamp where the room is lit."""
+    """Faces that look inwards, and a lamp where the room is lit."""
     parts = Parts()
     light = opening.behind.light
     rgb = _WALLPAPERS[int(rng.integers(len(_WALLPAPERS)))]
@@ -89,13 +115,17 @@ def _room(opening: Opening, room: Room, rng: np.random.Generator) -> Parts:
     paper, ceiling = matt(parts, rgb), matt(parts, (0.80, 0.79, 0.76))
     floor = matt(parts, (0.35, 0.25, 0.17))
     (x0, x1), (y0, y1), near, far = room.x, room.y, room.near_z, room.far_z
-    parts.meshes += [
-        quad(paper, [(x0, y0, far), (x1, y0, far), (x1, y1, far), (x0, y1, far)]),
-        quad(paper, [(x0, y0, near), (x0, y0, far), (x0, y1, far), (x0, y1, near)]),
-        quad(paper, [(x1, y0, far), (x1, y0, near), (x1, y1, near), (x1, y1, far)]),
-        quad(floor, [(x0, y0, near), (x1, y0, near), (x1, y0, far), (x0, y0, far)]),
-        quad(ceiling, [(x0, y1, far), (x1, y1, far), (x1, y1, near), (x0, y1, near)]),
-    ]
+    sides = [(*room.front, near), (x0, x1, far)]
+    if room.front != room.x:
+        sides.insert(1, (x0, x1, near - _SPLAY_M))
+    parts.meshes.append(quad(paper, [(x0, y0, far), (x1, y0, far), (x1, y1, far), (x0, y1, far)]))
+    for (a0, a1, a), (b0, b1, b) in pairwise(sides):
+        parts.meshes += [
+            quad(paper, [(a0, y0, a), (b0, y0, b), (b0, y1, b), (a0, y1, a)]),
+            quad(paper, [(b1, y0, b), (a1, y0, a), (a1, y1, a), (b1, y1, b)]),
+            quad(floor, [(a0, y0, a), (a1, y0, a), (b1, y0, b), (b0, y0, b)]),
+            quad(ceiling, [(b0, y1, b), (b1, y1, b), (a1, y1, a), (a0, y1, a)]),
+        ]
     if near - far > 1.5 and opening.kind != "door":  # a cupboard or a picture on the back wall
         wood = matt(parts, ((0.30, 0.22, 0.15), (0.62, 0.58, 0.50))[int(rng.integers(2))])
         x = x0 + (x1 - x0) * rng.uniform(0.0, 0.6)
