@@ -265,6 +265,25 @@ def test_windows_near_a_corner_have_a_real_room(x_m: float) -> None:
         assert distance > 1.0 if inside else distance > -room.near_z
 
 
+def test_rooms_keep_off_the_openings_of_other_walls_loggias() -> None:
+    """A window round the corner has its room behind a loggia, not before the loggia's door."""
+    door = replace(INNER, x_m=8.8)
+    loggia = replace(LOGGIA, x_m=7.4, width_m=2.3)
+    front = replace(WALL, start=(0, 0), end=(10, 0), openings=(door,), balconies=(loggia,))
+    round_the_corner = replace(WINDOW, x_m=3.0, y_m=3.8)
+    gable = replace(WALL, id="g", start=(10, 0), end=(10, 8), openings=(round_the_corner,))
+    back, left = (
+        replace(gable, id=name, start=start, end=end, openings=())
+        for name, start, end in (("b", (10, 8), (0, 8)), ("l", (0, 8), (0, 0)))
+    )
+    for x_m in np.arange(1.3, 3.0, 0.1):  # somewhere the room's side is the nearest it may be
+        window = replace(round_the_corner, x_m=float(x_m))
+        walls = (front, replace(gable, openings=(window,), balconies=()), back, left)
+        parts = building_parts(Building("h", walls, 6.0, 2, 3.0, 1968), 1, m_per_texel=COARSE)
+        distance, _ = first_hit(parts, np.array([9.25, 1.35, 4.6]), np.array([0.0, 1.0, 0.0]))
+        assert distance > 0.05 + 0.3 * door.recess_m
+
+
 def test_no_ray_sees_through_the_house(whole: Parts) -> None:
     """Past the glass every ray through a window ends on something inside."""
     opaque = Parts([mesh for mesh in whole.meshes if mesh.material != "glass"], whole.materials)

@@ -30,11 +30,12 @@ def building_parts(building: Building, seed: int, *, m_per_texel: float = 0.01) 
     """
     parts = Parts()
     plan = Polygon(building.outline)
-    cut = [plan.buffer(-INNER_SKIN_M), *(_loggias(wall) for wall in building.walls)]
-    free = cut[0].difference(unary_union(cut[1:]))
     for wall in building.walls:
-        others = [LineString([w.start, w.end]) for w in building.walls if w is not wall]
-        own = free.difference(unary_union(others).buffer(OTHER_WALLS_M))
+        others = [other for other in building.walls if other is not wall]
+        lines = unary_union([LineString([other.start, other.end]) for other in others])
+        taken = [lines.buffer(OTHER_WALLS_M), _loggias(wall)]
+        taken += [_loggias(other, OTHER_WALLS_M) for other in others]
+        own = plan.buffer(-INNER_SKIN_M).difference(unary_union(taken))
         parts.add(_wall(wall, building.id, seed, _seen_from(wall, own), m_per_texel))
     parts.add(roof_parts(building, rng_of(seed, building.id, "roof")))
     parts.add(roof_things(building, rng_of(seed, building.id, "roof things")))
@@ -53,14 +54,15 @@ def wall_parts(wall: Wall, seed: int, *, m_per_texel: float = 0.01) -> Parts:
     return _wall(wall, wall.id, seed, free.difference(own), m_per_texel)
 
 
-def _loggias(wall: Wall) -> Polygon:
-    """The plan (world) of what the wall's loggias take from the building."""
+def _loggias(wall: Wall, behind_m: float = 0.0) -> Polygon:
+    """The plan (world) of what the wall's loggias and some metres behind them take."""
     frame = wall.world_from_facade
     cuts = []
     for balcony in wall.balconies:
         if balcony.kind == "loggia":
             x0, x1 = balcony.x_m - 0.1, balcony.x_m + balcony.width_m + 0.1
-            corners = [(x0, 0, 0), (x1, 0, 0), (x1, 0, -balcony.depth_m), (x0, 0, -balcony.depth_m)]
+            z = -balcony.depth_m - behind_m
+            corners = [(x0, 0, 0), (x1, 0, 0), (x1, 0, z), (x0, 0, z)]
             cuts.append(Polygon(frame.apply(corners)[:, :2]))
     return unary_union(cuts) if cuts else Polygon()
 
