@@ -159,6 +159,22 @@ class TestPictures:
         assert np.allclose(found.radiance, 0.16 / 1.12, rtol=1e-3)
         assert np.allclose(found.depth_m, 5.0, atol=1e-4)
 
+    def test_a_bulging_pane_mirrors_by_its_shading_normals(self):
+        """Normals 10 degrees up mirror a level ray to 20 degrees: there the sky is bright."""
+        tilt = np.deg2rad(10.0)
+        pane = dataclasses.replace(
+            quad((-50, 0, -50), (100, 0, 0), (0, 0, 100), "pane"),
+            normals=np.tile(np.float32([0, -np.cos(tilt), np.sin(tilt)]), (4, 1)),
+        )
+        black = quad((-50, 3, -50), (100, 0, 0), (0, 0, 100))
+        sky = np.zeros((64, 1, 3))
+        sky[:28] = 1.0  # down to an elevation of 11 degrees
+        scene = renderer(
+            [pane, black], sky_of(sky), pane=Material("glass"), wall=Material(rgb=(0, 0, 0))
+        )
+        found = scene.render(Level((0, -5, 0), (0, 1, 0)), 2, 0, denoise=False)
+        assert np.allclose(found.radiance, 0.16 / 1.12, rtol=1e-3)
+
     def test_sun_shines_through_glass(self):
         roof = quad((-50, -50, 2), (100, 0, 0), (0, 100, 0), "pane")
         sky = sky_of(0.0, UP, (1.0, 1.0, 1.0))

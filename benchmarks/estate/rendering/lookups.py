@@ -6,7 +6,7 @@ from typing import Any
 
 import drjit as dr
 import numpy as np
-from benchmarks.estate.rendering.device_scene import Sky, Surfaces
+from benchmarks.estate.rendering.device_scene import Sky, Surfaces, Triangles
 
 
 def colour_of(mi: Any, surfaces: Surfaces, material: Any, uv: Any, active: Any) -> Any:
@@ -46,6 +46,18 @@ def blended(kind: Any, values: Any, index: Any, place: Any, active: Any) -> Any:
     """Values at three vertices, mixed for a place in the face."""
     a, b, c = (dr.gather(kind, values, index[k], active) for k in range(3))
     return a * (1 - place.x - place.y) + b * place.x + c * place.y
+
+
+def shading_normal(
+    mi: Any, triangles: Triangles, index: Any, place: Any, flat: Any, active: Any
+) -> Any:
+    """The vertices' normals mixed for a place in the face, on the side of its own, ``flat``.
+
+    Where the vertices have none it is ``flat``.
+    """
+    mixed = blended(mi.Vector3f, triangles.normals, index, place, active)
+    mixed = dr.select(dr.dot(mixed, flat) < 0, -mixed, mixed)
+    return dr.select(dr.squared_norm(mixed) > 0.01, dr.normalize(mixed), flat)
 
 
 def _neighbours(mi: Any, x: Any, y: Any) -> list[tuple[Any, Any, Any]]:

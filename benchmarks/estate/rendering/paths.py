@@ -23,7 +23,7 @@ from benchmarks.estate.rendering.device_scene import (
     Surfaces,
     Triangles,
 )
-from benchmarks.estate.rendering.lookups import blended, colour_of, sky_radiance
+from benchmarks.estate.rendering.lookups import blended, colour_of, shading_normal, sky_radiance
 
 GLASS_INDEX = 1.5
 LEAF_THROUGH = (0.75, 0.85, 0.45)  # of the leaf's colour; light that comes through is yellower
@@ -164,9 +164,7 @@ class Tracer:
         a, b, c = (dr.gather(mi.Point3f, self.opaque.vertices, index[k], valid) for k in range(3))
         normal = dr.normalize(dr.cross(b - a, c - a))
         normal = dr.select(dr.dot(normal, path.direction) > 0, -normal, normal)
-        smooth = blended(mi.Vector3f, self.opaque.normals, index, place, valid)
-        smooth = dr.select(dr.dot(smooth, normal) < 0, -smooth, smooth)
-        smooth = dr.select(dr.squared_norm(smooth) > 0.01, dr.normalize(smooth), normal)
+        smooth = shading_normal(mi, self.opaque, index, place, normal, valid)
         smooth = dr.select(dr.dot(smooth, path.direction) > -0.02, normal, smooth)
         uv = blended(mi.Point2f, self.opaque.uv, index, place, valid)
         material = dr.gather(mi.UInt32, self.opaque.material, face, valid)
@@ -203,14 +201,18 @@ class Tracer:
         mi = self.mi
         index = dr.gather(mi.Vector3u, self.glass.faces, pane.prim_index, on_glass)
         a, b, c = (dr.gather(mi.Point3f, self.glass.vertices, index[k], on_glass) for k in range(3))
-        normal = dr.normalize(dr.cross(b - a, c - a))
-        cosine = dr.dot(normal, path.direction)
+        flat = dr.normalize(dr.cross(b - a, c - a))
+        bent = shading_normal(mi, self.glass, index, pane.prim_uv, flat, on_glass)
+        cosine = dr.dot(flat, path.direction)
+        mirror = path.direction - 2 * dr.dot(bent, path.direction) * bent
+        outside = dr.dot(mirror, flat) * cosine < 0  # not so for a bent pane at a grazing angle
+        mirror = dr.select(outside, mirror, path.direction - 2 * cosine * flat)
         share = pane_reflectance(dr.abs(cosine))
         chance = dr.select(path.depth == 0, 0.5, share)
         mirrored = on_glass & (chosen < chance)
         path.through[on_glass] *= dr.select(mirrored, share / chance, (1 - share) / (1 - chance))
         path.origin[on_glass] += path.direction * pane.t
-        path.direction[mirrored] -= 2 * cosine * normal
+        path.direction[mirrored] = mirror
         path.origin[on_glass] += path.direction * EPSILON_M
 
     def _sunlight(self, path: Path, hit: Hit, u: Any) -> Any:
