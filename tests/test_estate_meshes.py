@@ -265,6 +265,15 @@ def test_windows_near_a_corner_have_a_real_room(x_m: float) -> None:
         assert distance > 1.0 if inside else distance > -room.near_z
 
 
+def test_a_window_half_before_a_loggia_has_its_room_and_curtains_beside_it() -> None:
+    window = replace(WINDOW, x_m=0.85, behind=Behind(0.9, blind=0.5, things=True))
+    room = room_of(window, rectangle(1.7, 0.02, 9.0, 8.0))
+    assert room.near_z - room.far_z > 1.0 and room.x[0] >= 1.7
+    parts = behind_parts(window, room, np.random.default_rng(1))
+    behind = np.concatenate([mesh.vertices for mesh in parts.meshes])
+    assert behind[behind[:, 2] < room.near_z - 0.16][:, 0].min() > 1.6
+
+
 def test_rooms_keep_off_the_openings_of_other_walls_loggias() -> None:
     """A window round the corner has its room behind a loggia, not before the loggia's door."""
     door = replace(INNER, x_m=8.8)

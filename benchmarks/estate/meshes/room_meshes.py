@@ -5,8 +5,8 @@ In the wall's frame: x right, y up, z out of the wall.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, replace
+from itertools import pairwise, product
 
 import numpy as np
 from benchmarks.estate.meshes.solids import ball, box, cylinder, leaves, quad, sheet
@@ -20,7 +20,9 @@ from shapely.geometry import box as rectangle
 _CURTAIN_BEHIND_M = 0.12
 _FOLD_M = 0.11
 _DEPTHS_M = (3.2, 2.2, 1.4, 0.8, 0.4)
-_SIDES_M = (0.8, 0.4, 0.1, 0.0, -0.1, -0.2, -0.3, -0.4)  # beyond the opening, or less than it
+_SIDES_M = (0.8, 0.4, 0.1, 0.0, *(-0.1 * step for step in range(1, 30)))  # beyond the opening
+_PLACES = (0.5, 0.8, 0.2)  # of the opening's width: one of them lies in the room
+_NARROWEST_M = 0.3
 _SPLAY_M = 0.15  # a room narrower than its opening widens over so much towards it
 SHALLOWEST_M = 0.12  # where there is no space for a room
 _WALLPAPERS: tuple[Rgb, ...] = (
@@ -58,26 +60,23 @@ def room_of(opening: Opening, free: Polygon) -> Room:
     if opening.kind == "window" and opening.style.panel == 0:
         bottom = opening.y_m - 0.85
     y = (bottom, opening.y_m + opening.height_m + 0.25)
-    for deep in _DEPTHS_M:
-        left, right = (
-            _reach(opening, towards, (near, near + deep), free) for towards in (-1.0, 1.0)
-        )
-        if left is not None and right is not None:
+    for place, deep in product(_PLACES, _DEPTHS_M):
+        within = x0 + place * opening.width_m
+        left, right = (_reach(within, edge, (near, near + deep), free) for edge in (x0, x1))
+        if left is not None and right is not None and right - left > _NARROWEST_M:
             front = min(left, x0 - 0.02), max(right, x1 + 0.02)
             return Room((left, right), y, -near, -near - deep, front)
     x = (x0 - 0.05, x1 + 0.05)
     return Room(x, y, -near, -near - SHALLOWEST_M, x)
 
 
-def _reach(
-    opening: Opening, towards: float, depths: tuple[float, float], free: Polygon
-) -> float | None:
-    """How far (x) a room between two depths can go from the opening's middle to one side."""
-    middle, half = opening.x_m + opening.width_m / 2, opening.width_m / 2
+def _reach(within: float, edge: float, depths: tuple[float, float], free: Polygon) -> float | None:
+    """How far (x) a room between two depths goes from within an opening past or up to its edge."""
+    towards, inside = np.sign(edge - within), abs(edge - within)
     for side in _SIDES_M:
-        x = middle + towards * (half + side)
-        if half + side > 0 and free.contains(
-            rectangle(min(x, middle), depths[0], max(x, middle), depths[1])
+        x = float(edge + towards * side)
+        if inside + side > 0 and free.contains(
+            rectangle(min(x, within), depths[0], max(x, within), depths[1])
         ):
             return x
     return None
@@ -90,6 +89,9 @@ def behind_parts(opening: Opening, room: Room, rng: np.random.Generator) -> Part
     behind, deep = opening.behind, room.near_z - room.far_z
     if opening.kind == "door" or deep < 0.3:
         return parts
+    left = max(opening.x_m, room.x[0] + 0.05)
+    right = min(opening.x_m + opening.width_m, room.x[1] - 0.05)
+    opening = replace(opening, x_m=left, width_m=right - left)  # no more than the room
     if opening.kind == "window" and opening.style.panel == 0:
         board = paint(parts, (0.88, 0.87, 0.84))
         low = (opening.x_m - 0.04, opening.y_m - 0.02, room.near_z - 0.2)
