@@ -255,6 +255,14 @@ def test_a_flight_looks_down_at_the_walls_from_above() -> None:
         assert np.isfinite(pixels).all()
 
 
+def test_no_photo_is_taken_from_inside_a_high_tree() -> None:
+    estate = an_estate()
+    place = next(iter(flight_around(estate, 10).values())).place
+    trees = [Tree(place[:2], height_m, 6.0) for height_m in (11.0, 16.0)]
+    counts = [len(flight_around(replace(estate, trees=(tree,)), 10)) for tree in trees]
+    assert counts == [10, 9]
+
+
 def test_positions_are_metres_off() -> None:
     estate = an_estate()
     poses = walk_around(estate, 60).poses

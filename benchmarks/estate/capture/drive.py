@@ -15,7 +15,6 @@ FloatArray = NDArray[np.float64]
 
 CAMERA_HEIGHT_M = 2.5
 LEAST_SPACING_M = 6.0
-MOST_SPACING_M = 10.0
 REACH_M = 45.0  # a facade farther away is not worth a panorama
 INCIDENCE_DEG = 65.0  # nor one seen at a steeper angle than this
 RENDERED_REACH_M = 60.0
@@ -27,7 +26,7 @@ AZIMUTHS = 7200
 def panorama_poses(estate: Estate, most_per_facade: int) -> dict[str, Pose]:
     """Poses by panorama id along the estate's lines, headed where the vehicle drives.
 
-    They stand 6 to 10 m apart, wider where a facade would be seen well by more than
+    They stand 6 m apart, wider where a facade would be seen well by more than
     ``most_per_facade`` of them; places that see no facade of a target well are left out.
     """
     spacing_m = LEAST_SPACING_M

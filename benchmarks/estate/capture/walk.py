@@ -108,14 +108,23 @@ def walk_around(estate: Estate, count: int) -> Walk:
 
 
 def flight_around(estate: Estate, count: int) -> dict[str, Pose]:
-    """``count`` photos from two rings in the air, 12 and 25 m high, looking down at the walls."""
+    """Photos from two rings in the air, 12 and 25 m high, looking down at the walls.
+
+    ``count`` are planned; where a tree or house stands that high, none is taken.
+    """
     poses = {}
     outline = _outline(estate)
     for row, height_m in enumerate(FLIGHT_M):
         ring = outline.buffer(RING_M[1] + 4.0 * row).exterior
         middle_m = max(building.height_m for building in estate.buildings) / 2
+        high = shapely.union_all(
+            [Point(t.place).buffer(t.crown_m / 2) for t in estate.trees if t.height_m > height_m]
+            + [Polygon(b.outline) for b in estate.neighbours if b.height_m > height_m - 2.0]
+        )
         for index in range(count // 2):
             point = ring.interpolate((index + 0.5 * row) / (count // 2), normalized=True)
+            if high.dwithin(point, CLEAR_OF_LEAVES_M):
+                continue
             here = np.array(point.coords[0])
             target = _nearest(outline, here)
             down = np.arctan2(middle_m - height_m, np.linalg.norm(target - here))

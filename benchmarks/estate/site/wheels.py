@@ -7,7 +7,6 @@ from benchmarks.estate.parts import Mesh
 from benchmarks.estate.plan import FloatArray
 
 TYRE_RADIUS_M = 0.315
-RIM_RADIUS_M = 0.205
 SIDES = 28
 SPOKES = 7
 # Distance from the axle and along it (outwards) of the tyre's and the rim's outline.
