@@ -292,6 +292,10 @@ def test_no_scale_is_said_before_the_work_and_names_what_gives_one(folder, tmp_p
         assert option in str(error.value)
 
 
+def triangle_of(folder):
+    return json.loads((folder / "triangle.json").read_text(encoding="utf-8"))["sides_m"]
+
+
 def test_a_triangle_gives_the_scale(folder):
     """The unit of the reconstruction does not show in what follows."""
     model = read_colmap_text(folder / "cameras")
@@ -317,6 +321,21 @@ def test_a_triangle_gives_the_scale(folder):
     assert max(abs(side["residual_m"]) for side in record["reconstruction"]["sides"]) < 0.01
     assert sorted(plane.width_m for plane in scene.planes) == pytest.approx([8.0, 10.0], abs=0.15)
     assert {"id": "p9.jpg", "used": False, "reason": "lost"} in record["photos"]
+
+
+def test_why_the_measured_photos_are_missing_is_told_with_the_missing_scale(folder):
+    model = read_colmap_text(folder / "cameras")
+    measured = {name for side in triangle_of(folder) for name in side[:2]}
+    part = replace(model, photos=tuple(p for p in model.photos if p.id not in measured))
+    files = steps.PhotoFiles(folder=folder / "photos", triangle=folder / "triangle.json")
+    sources = steps.collect_photos(files, COARSE)
+    lost = dict.fromkeys(sorted(measured), "is in model 1")
+    notes = ("Others form a model of their own.", *(f"{n}: {why}." for n, why in lost.items()))
+    with pytest.raises(InputError) as error:
+        steps.make_scene(sources, Poses(part, lost, notes), COARSE)
+    first, *rest = str(error.value).splitlines()
+    assert "has no scale" in first
+    assert rest == ["Of the reconstruction:", "  Others form a model of their own."]
 
 
 def test_a_photo_that_is_cut_short_is_listed_and_costs_nothing_else(on_map, folder, tmp_path):

@@ -15,6 +15,7 @@ from si3fp.camera2d.placed import PlacedReconstruction
 from si3fp.camera2d.sfm import PhotoFile, focal_from_35mm, reconstruct, triangulate_known
 from si3fp.camera2d.world import known_cameras, level_and_scale
 from si3fp.config import PhotoConfig
+from si3fp.errors import InputError, ReconstructionError
 from si3fp.model import Footprint, LoadImage, Photo, SparsePoints
 from si3fp.records import rounded
 from si3fp.sources.colmap_text import ColmapModel, read_colmap_text
@@ -132,8 +133,20 @@ def make_scene(sources: PhotoSources, poses: Poses, config: PhotoConfig) -> Phot
         If nothing gives the scale or the vertical, there is no wall, or the walls do not lie on the
         footprints.
     InputError
-        If distances, GPS or known cameras contradict the reconstruction.
+        If distances, GPS or known cameras contradict the reconstruction. Doubts about the poses
+        are told along: they are the likely cause.
     """
+    try:
+        return _made_scene(sources, poses, config)
+    except (InputError, ReconstructionError) as error:
+        lost = tuple(f"{name}: " for name in poses.lost)
+        doubts = [note for note in poses.notes if not note.startswith(lost)]
+        if not doubts:
+            raise
+        raise type(error)("\n  ".join([f"{error}\nOf the reconstruction:", *doubts])) from error
+
+
+def _made_scene(sources: PhotoSources, poses: Poses, config: PhotoConfig) -> PhotoScene:
     model = poses.model
     origin = run_origin(sources.outlines, []) if sources.outlines else None
     if sources.cameras is not None:
