@@ -285,8 +285,8 @@ def test_rooms_keep_off_the_openings_of_other_walls_loggias() -> None:
         replace(gable, id=name, start=start, end=end, openings=())
         for name, start, end in (("b", (10, 8), (0, 8)), ("l", (0, 8), (0, 0)))
     )
-    for x_m in np.arange(1.3, 3.0, 0.1):  # somewhere the room's side is the nearest it may be
-        window = replace(round_the_corner, x_m=float(x_m))
+    for x_m in (1.3, 1.5, 1.8, 2.2):  # some are where the room comes nearest
+        window = replace(round_the_corner, x_m=x_m)
         walls = (front, replace(gable, openings=(window,), balconies=()), back, left)
         parts = building_parts(Building("h", walls, 6.0, 2, 3.0, 1968), 1, m_per_texel=COARSE)
         distance, _ = first_hit(parts, np.array([9.25, 1.35, 4.6]), np.array([0.0, 1.0, 0.0]))
