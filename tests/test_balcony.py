@@ -5,7 +5,9 @@ import pytest
 from tests.scenes.recessed import BALCONY_DEPTH_M, rendered
 
 from si3fp.model import Detections, OrthoImage, Window
-from si3fp.windows.balcony import complete_doors, complete_inferred, find_balconies
+from si3fp.windows.balcony import find_balconies
+from si3fp.windows.balcony_inferred import doors_of_columns
+from si3fp.windows.balcony_openings import complete_doors
 from si3fp.windows.fuse import FusedDetections
 
 CAMERAS = {name: np.array([x, 3.0, 7.0]) for name, x in (("a", 2.0), ("b", 4.0), ("c", 6.0))}
@@ -117,14 +119,14 @@ def test_an_inferred_window_above_a_balcony_is_its_door():
     unseen = np.zeros(render.ortho.valid.shape, bool)
     inferred = Window(3.4, 3.0, 1.0, 1.2, origin="inferred", evidence="not detected")
     beside = Window(6.0, 3.0, 1.0, 1.2, origin="inferred")
-    door, other = complete_inferred([inferred, beside], balconies, unseen, render.grid)
+    door, other = doors_of_columns([inferred, beside], balconies, unseen, render.grid)
     assert (door.y_m, door.y_m + door.height_m) == pytest.approx((2.0, 4.2), abs=0.03)
     assert door.label == "balcony_door"
     assert "completed to its floor" in door.evidence
     assert other is beside
     detected = Window(3.4, 3.0, 1.0, 1.2)
-    assert complete_inferred([detected], balconies, unseen, render.grid) == (detected,)
-    assert complete_inferred([], balconies, unseen, render.grid) == ()
+    assert doors_of_columns([detected], balconies, unseen, render.grid) == (detected,)
+    assert doors_of_columns([], balconies, unseen, render.grid) == ()
 
 
 def test_a_front_above_which_nobody_saw_is_a_balcony():

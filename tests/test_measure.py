@@ -96,13 +96,6 @@ def test_vents_are_no_windows():
     assert measure_windows(one([0, 0, 10, 100]), NO_BALCONY, GRID, {}, MeasureConfig()) == ()
 
 
-def test_what_stands_on_the_ground_is_a_door_and_a_cellar_window_is_none():
-    plain = MeasureConfig(correct_recess=False)
-    door, cellar = [100, 390, 160, 500], [300, 470, 350, 495]
-    assert measure_windows(one(door), NO_BALCONY, GRID, {}, plain) == ()
-    assert len(measure_windows(one(cellar), NO_BALCONY, GRID, {}, plain)) == 1
-
-
 def test_a_tall_opening_behind_a_balcony_is_a_balcony_door():
     balcony = Detections(np.array([[80.0, 130, 200, 170]]), np.array([0.9]), np.array(["balcony"]))
     plain = MeasureConfig(correct_recess=False)

@@ -32,7 +32,7 @@ ENTRANCE_M = 1.0
 """What starts less than this above the lowest cell may be an entrance."""
 SAME_PLACE_IOU = 0.4
 """Overlap from which a weak detection speaks for a cell."""
-CLEARANCE_M = 0.1
+CLEARANCE_M = 0.05
 """Two windows are at least so far apart."""
 
 
@@ -109,17 +109,21 @@ def complete_windows(
             continue
         expected = prior.probability(cell)
         near = iou_matrix(_corners(cell.edges_m[None]), _corners(candidate_m))[0]
+        # Silence is certain where there is no window, and where there is one but hidden.
+        silence = 1 - (1 - MISSED) * cell.seen
         if (near >= SAME_PLACE_IOU).any():
             best = int(
                 np.argmax(np.where(near >= SAME_PLACE_IOU, [c.score for c in candidates], 0))
             )
             weak = candidates[best]
-            sure = _updated(expected, weak.score / (1 - min(weak.score, 0.999)))
-            if sure >= max(threshold, config.min_completed):
-                added.append((sure, _raised(weak, sure, prior.words(cell))))
-            continue
-        # Silence is certain where there is no window, and where there is one but hidden.
-        sure = _updated(expected, 1 - (1 - MISSED) * cell.seen)
+            told = weak.score / (1 - min(weak.score, 0.999))
+            # Where little of it was seen, a weak score says no more against it than none.
+            if told >= silence or not config.infer:
+                sure = _updated(expected, told)
+                if sure >= max(threshold, config.min_completed):
+                    added.append((sure, _raised(weak, sure, prior.words(cell))))
+                continue
+        sure = _updated(expected, silence)
         if config.infer and sure >= config.min_completed:
             mates = np.flatnonzero((rows == cell.row) | (columns == cell.column))
             added.append((sure, _inferred(cell, windows, mates, sure, prior.words(cell))))

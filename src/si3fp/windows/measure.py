@@ -78,9 +78,10 @@ def measure_windows(
         edges = [edges_from_box(box_px, grid) for box_px in fused.detections.boxes_px]
         levers = [EdgeLever(recess_lever(each, cameras), np.zeros(4)) for each in edges]
     windows = []
-    for box_px, score, views, sigma_px, note, recess, lever in zip(
+    for box_px, score, told, views, sigma_px, note, recess, lever in zip(
         fused.detections.boxes_px,
         fused.detections.scores,
+        fused.detections.labels,
         fused.views,
         fused.detections.edge_sigma_px,
         fused.notes,
@@ -90,7 +91,7 @@ def measure_windows(
     ):
         edges_m = edges_from_box(box_px, grid)
         width_m, height_m = edges_m[1] - edges_m[0], edges_m[3] - edges_m[2]
-        if min(width_m, height_m) < config.min_size_m or stands_on_ground(edges_m, config):
+        if min(width_m, height_m) < config.min_size_m:
             continue
         own_m = np.maximum(sigma_px[[0, 2, 3, 1]], LEAST_SIGMA_PX) * grid.m_per_px
         own_m = np.where(sigma_px[[0, 2, 3, 1]] > 0, own_m, config.box_sigma_m)
@@ -107,7 +108,7 @@ def measure_windows(
                 y_m=float(bottom),
                 width_m=float(right - left),
                 height_m=float(top - bottom),
-                label=_label(box_px, balconies, grid),
+                label="balcony_door" if told == "balcony_door" else _label(box_px, balconies, grid),
                 score=float(score),
                 views=views,
                 edge_sigma_m=_four(sigma_m),
@@ -123,12 +124,6 @@ def edges_from_box(box_px: FloatArray, grid: FacadeGrid) -> FloatArray:
     """Left, right, bottom, top (4,) in metres of a pixel box x0 y0 x1 y1."""
     corners = grid.facade_from_pixels(np.array([[box_px[0], box_px[3]], [box_px[2], box_px[1]]]))
     return np.array([corners[0, 0], corners[1, 0], corners[0, 1], corners[1, 1]])
-
-
-def stands_on_ground(edges_m: FloatArray, config: MeasureConfig) -> bool:
-    """Whether an opening left, right, bottom, top is an entrance, a gate or an arcade."""
-    low = bool(edges_m[2] < config.door_sill_m)
-    return low and bool(edges_m[3] - edges_m[2] > config.door_height_m)
 
 
 def opening_box(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,11 @@ from numpy.typing import NDArray
 from si3fp.config import FusionConfig, MeasureConfig
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Detections, FacadeGrid, FacadeViews, OrthoImage, Window
+from si3fp.windows.balcony_fronts import hidden_by, hiding_fronts
+from si3fp.windows.balcony_inferred import doors_of_columns, repeated_doors
+from si3fp.windows.balcony_openings import complete_doors, feet_hidden, taken_apart
 from si3fp.windows.detect import WindowDetector
+from si3fp.windows.entrances import without_entrances
 from si3fp.windows.fuse import FusedDetections, combine, fuse_views, views_that_saw
 from si3fp.windows.interval import WwrErrors, wwr_interval
 from si3fp.windows.join import join_openings
@@ -22,10 +26,9 @@ from si3fp.windows.measure import (
     measure_windows,
     opening_box,
     recess_lever,
-    stands_on_ground,
 )
 from si3fp.windows.recess import estimate_recess
-from si3fp.windows.recess_estimate import UNKNOWN_RECESS, RecessEstimate
+from si3fp.windows.recess_estimate import UNKNOWN_RECESS, RecessEstimate, of_the_others
 from si3fp.windows.refine import refine_boxes
 from si3fp.windows.regular import HALF_SEEN, correct_windows, edges_of
 from si3fp.windows.seen import share_seen, wall_seen
@@ -93,16 +96,28 @@ def parse_facade(
     )
     proposed = combine(agreed, of_label(on_fused), views.views, fusion)
     balconies = of_label(on_fused, "balcony")
+    threshold = detector.thresholds["window"]
+    fronts = hiding_fronts(
+        balconies,
+        proposed.detections.boxes_px[proposed.detections.scores >= threshold],
+        detector.thresholds["balcony"],
+        grid.m_per_px,
+    )
     balconies = balconies.select(balconies.scores >= detector.thresholds["balcony"])
+    seen = wall_seen(fused, views.views)
+    seen[hidden_by(fronts, seen.shape)] = 0
+    shows = seen >= HALF_SEEN
 
     def recess_of(boxes: FloatArray) -> Sequence[RecessEstimate]:
         if not measure.measure_recess:
             return (UNKNOWN_RECESS,) * len(boxes)
-        return estimate_recess(boxes, views.views, cameras_in_facade, grid.m_per_px, measure)
+        found = estimate_recess(boxes, views.views, cameras_in_facade, grid.m_per_px, measure)
+        return of_the_others(found, ~feet_hidden(boxes, shows, grid.m_per_px))
 
     def measured(
         found: FusedDetections, recesses: Sequence[RecessEstimate] | None
     ) -> tuple[Window, ...]:
+        found = complete_doors(found, fronts, shows, grid.m_per_px)
         levers = [
             EdgeLever(recess_lever(edges_from_box(box, grid), list(cameras_of(box).values())), zero)
             for box in found.detections.boxes_px
@@ -114,14 +129,15 @@ def parse_facade(
         names = views_that_saw(box_px, views.views)
         return {name: cameras_in_facade[name] for name in names} or cameras_in_facade
 
-    seen = wall_seen(fused, views.views)
-    threshold = detector.thresholds["window"]
     found = find_windows(proposed, fused, seen, grid, threshold, measure, recess_of, measured)
     openings = [
         opening_box(box, grid, cameras_of(box), recess, measure)
         for box, recess in zip(found.boxes_px, found.recesses, strict=True)
     ]
     picture = sharpen_windows(fused, views.views, openings, found.recesses, cameras_in_facade, grid)
+    windows = doors_of_columns(found.windows, fronts, shows, grid)
+    windows = repeated_doors(windows, fronts, grid, measure)
+    found = replace(found, windows=windows)
     interval = interval_of(found, fused, grid, detector.wwr_errors)
     return ParsedFacade(found.windows, per_view, on_fused, picture, interval)
 
@@ -179,21 +195,18 @@ def find_windows(
         What scores less cannot be raised by its row and column.
     """
     sure = proposed.detections.scores >= threshold
-    together = join_openings(proposed.select(np.flatnonzero(sure)), image, grid.m_per_px, config)
+    apart = taken_apart(proposed.select(np.flatnonzero(sure)), grid.m_per_px)
+    together = join_openings(apart, image, grid.m_per_px, config)
     refined = refine_boxes(together, image, grid.m_per_px, config)
     boxes = refined.detections.boxes_px
     recesses = tuple(recess_of(boxes))
     windows = measured(refined, recesses)
-    candidates = measured(proposed.select(np.flatnonzero(~sure)), None)
+    windows, entrances_m = without_entrances(windows, windows, config)
+    weak = measured(proposed.select(np.flatnonzero(~sure)), None)
+    candidates, _ = without_entrances(weak, windows, config)
     windows = correct_windows(windows, seen, grid, config)
-    entrances = [
-        edges
-        for edges in (edges_from_box(box, grid) for box in boxes)
-        if stands_on_ground(edges, config)
-    ]
-    occupied = np.array(entrances).reshape(-1, 4)
     raisable = [window for window in candidates if window.score >= least_score]
-    windows = complete_windows(windows, raisable, occupied, seen, grid, threshold, config)
+    windows = complete_windows(windows, raisable, entrances_m, seen, grid, threshold, config)
     return FoundWindows(boxes, recesses, windows, candidates)
 
 

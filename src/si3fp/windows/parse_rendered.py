@@ -14,7 +14,9 @@ from si3fp.geometry.boxes import iou_matrix
 from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Detections, OrthoImage, Window
-from si3fp.windows.balcony import complete_doors, complete_inferred, find_balconies
+from si3fp.windows.balcony import find_balconies
+from si3fp.windows.balcony_inferred import doors_of_columns
+from si3fp.windows.balcony_openings import complete_doors
 from si3fp.windows.bias import render_lever
 from si3fp.windows.depth import (
     IN_FRONT_M,
@@ -128,7 +130,7 @@ def parse_rendered(
         measured,
         fusion.min_score,
     )
-    windows = complete_inferred(openings.windows, deep, shows, grid)
+    windows = doors_of_columns(openings.windows, deep, shows, grid)
     interval = interval_of(replace(openings, windows=windows), ortho, grid, detector.wwr_errors)
     return ParsedFacade(
         windows,

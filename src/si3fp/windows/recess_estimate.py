@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from si3fp.geometry.rigid import FloatArray
 
@@ -15,6 +17,8 @@ WINDOW_RECESS_M, WINDOW_SPREAD_M = 0.15, 0.10
 """Depth of the glass of windows: mean and standard deviation, flush windows included."""
 FLUSH_SPREAD_M = 0.05
 """What is painted on a wall or hangs on it lies in its plane, give or take this."""
+LEAST_OTHERS, LEAST_SPREAD_M = 3, 0.03
+"""So many windows tell the depth of another, and scatter no less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +73,38 @@ def drawn_to_kind(
     value_m = kind_m + share * ((kind_m if own_m is None else own_m) - kind_m)
     left_m = np.hypot(spread_m * np.sqrt(1 - share), floor_m)
     return value_m, float(left_m)
+
+
+def of_the_others(
+    estimates: Sequence[RecessEstimate], stands_free: NDArray[np.bool_]
+) -> tuple[RecessEstimate, ...]:
+    """The recesses; windows beside which no wall shows have that of the facade's other windows.
+
+    What hides their wall, the front of a balcony or a van, passes for it in the ring that is
+    compared, and so does the window on the other side of a door's jamb.
+
+    Parameters
+    ----------
+    estimates
+        Recess of every window.
+    stands_free
+        (N,) whether the wall around each was seen.
+    """
+    told = [
+        one.recess_m
+        for one, free in zip(estimates, stands_free, strict=True)
+        if free and one.recess_m is not None
+    ]
+    if len(told) < LEAST_OTHERS:
+        return tuple(estimates)
+    usual_m = float(np.median(told))
+    spread_m = max(1.4826 * float(np.median(np.abs(np.array(told) - usual_m))), LEAST_SPREAD_M)
+    return tuple(
+        one
+        if free
+        else replace(one, recess_m=usual_m, sigma_m=spread_m, told_by=f"{len(told)} other windows")
+        for one, free in zip(estimates, stands_free, strict=True)
+    )
 
 
 def score_by_depth(score: float, recess: RecessEstimate) -> float:

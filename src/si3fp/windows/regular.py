@@ -29,6 +29,8 @@ BESIDE_M = (0.06, 0.26)
 """Where outside a side its surroundings are looked at."""
 HALF_SEEN = 0.5
 """Share of a place below which it counts as hidden."""
+TOUCH_M = 0.2
+"""Boxes of two windows side by side overlap by no more."""
 TOLD_M = 0.005
 """Smaller corrections are not worth a word."""
 OPPOSITE = (1, 0, 3, 2)
@@ -168,6 +170,7 @@ def _completed(
         rest = edges[i].copy()
         rest[[side, opposite]] = full, edges[i, side]
         grows = OUTWARD[side] * (full - edges[i, side]) > BESIDE_M[0]
+        grows &= not _meets_another(rest, frames.edges_m, i)
         if not grows or probability <= HALF_SEEN or share_seen(seen, grid, rest) > HALF_SEEN:
             continue
         edges[i, side] = full
@@ -178,6 +181,15 @@ def _completed(
             f"(probability {probability:.2f})"
         )
     return replace(frames, edges_m=edges, sigma_m=sigma), completed, words
+
+
+def _meets_another(part: FloatArray, edges: FloatArray, i: int) -> bool:
+    """Whether a part (4,) of window i lies on another of the windows (N, 4), not just at it."""
+    low = [np.maximum(part[k : k + 2].min(), edges[:, k]) for k in (0, 2)]
+    high = [np.minimum(part[k : k + 2].max(), edges[:, k + 1]) for k in (0, 2)]
+    common = np.min(np.subtract(high, low), axis=0)
+    common[i] = 0
+    return bool((common > TOUCH_M).any())
 
 
 def _together(levels: Levels, i: int) -> NDArray[np.bool_]:
