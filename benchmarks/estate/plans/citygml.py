@@ -77,15 +77,6 @@ class Reading:
     flattened: int
     recess_measured: int
 
-    @property
-    def summary(self) -> str:
-        """One line: openings kept, and why the others are gone."""
-        gone = "; ".join(f"{count} {reason}" for reason, count in sorted(self.gone.items()))
-        return (
-            f"{self.kept} of {self.surveyed} openings kept ({self.flattened} moved onto their "
-            f"wall, {self.recess_measured} with the survey's recess); gone: {gone or 'none'}"
-        )
-
 
 def buildings_from_citygml(path: Path, seed: int = 1) -> tuple[Building, ...]:
     """The buildings of a CityGML file as plans; see `read_citygml` for what was left out."""
