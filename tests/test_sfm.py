@@ -326,6 +326,20 @@ def test_a_folded_model_is_noticed():
     assert sound.strangers == ()
 
 
+def test_photos_from_one_place_are_no_measure_for_those_a_step_aside():
+    """Three photos from every place share all; what they saw, a step aside shows half of it."""
+    model = two_walks(alike=1.0)
+    rng = np.random.default_rng(1)
+    photos, seen = {}, {}
+    for place in range(6):
+        found = model.seen[place][rng.random(len(model.seen[place])) < 0.55 / 0.8]
+        for number in range(3 * place, 3 * place + 3):
+            photos[number], seen[number] = model.photos[place], found
+    crowded = ModelView(photos, model.points, seen)
+    assert coherence(crowded, {}, SfmConfig()).strangers == ()
+    assert coherence(crowded, {}, SfmConfig(same_place=-1.0)).strangers != ()
+
+
 def test_matches_that_the_model_contradicts_are_noticed():
     model = two_walks(alike=1.0)
     cameras = [model.photos[number].cam_from_world for number in (0, 3)]

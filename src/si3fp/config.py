@@ -74,6 +74,7 @@ class SfmConfig:
     adjustments: int = 20  # decision: iterations of the last adjustment; 15 are enough
     same_view_deg: float = 15.0  # decision: SIFT matches a wall seen from directions so near
     same_view_ratio: float = 1.5  # decision: and from distances so alike
+    same_place: float = 0.03  # decision: of the distance to the points; photos nearer share all
     stranger_share: float = 0.3  # decision: of the common points; correct models: 0.62 and up
     stranger_of_usual: float = 0.6  # decision: of the usual share; correct models: 0.78 and up
     min_strangers: int = 3  # decision: pairs; one may have a van before the lens

@@ -53,12 +53,15 @@ class Neighbours:
         Points of one that should be seen by the other: of the two directions the smaller number.
     shared
         Points that both saw.
+    apart
+        How far apart they were taken, as a share of the median distance to their points.
     """
 
     first: int
     second: int
     expected: int
     shared: int
+    apart: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,15 +103,22 @@ def coherence(
     Notes
     -----
     What photos side by side share depends on texture and light; too little is less than
-    `SfmConfig.stranger_of_usual` of the upper quartile of all such pairs. A part that looks like
-    another in more than about 40 % of what the photos show can be folded onto it unnoticed.
+    `SfmConfig.stranger_of_usual` of the upper quartile of such pairs. Photos from one place, one
+    of the wall's foot and one of its top, share nearly all and tell nothing of what a step aside
+    leaves: they are left out of it. A part that looks like another in more than about 40 % of what
+    the photos show can be folded onto it unnoticed.
     """
     side_by_side = neighbours(model, config)
     found = [
         max(pair.shared, len(matches.get((pair.first, pair.second), _NO_RAYS)[0])) / pair.expected
         for pair in side_by_side
     ]
-    usual = float(np.percentile(found, 75)) if found else 0.0
+    stepped_aside = [
+        share
+        for pair, share in zip(side_by_side, found, strict=True)
+        if pair.apart > config.same_place
+    ]
+    usual = float(np.percentile(stepped_aside, 75)) if stepped_aside else 0.0
     too_little = max(config.stranger_share, config.stranger_of_usual * usual)
     strangers = [
         (pair.first, pair.second)
@@ -141,8 +151,15 @@ def neighbours(model: ModelView, config: SfmConfig) -> list[Neighbours]:
         sizes = [len(model.seen[first]), len(model.seen[second])]
         if all(2 * n >= size > 0 for n, size in zip(expected, sizes, strict=True)):
             shared = np.intersect1d(model.seen[first], model.seen[second], assume_unique=True)
-            found.append(Neighbours(first, second, min(expected), len(shared)))
+            apart = _apart(model, first, second)
+            found.append(Neighbours(first, second, min(expected), len(shared), apart))
     return found
+
+
+def _apart(model: ModelView, first: int, second: int) -> float:
+    here, there = (model.photos[photo].centre_in_world for photo in (first, second))
+    away = np.linalg.norm(model.points[model.seen[first]] - here, axis=1)
+    return float(np.linalg.norm(there - here) / np.median(away))
 
 
 def _expected(model: ModelView, one: int, other: int, config: SfmConfig) -> int:
