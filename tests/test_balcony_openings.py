@@ -12,7 +12,7 @@ from si3fp.config import MeasureConfig
 from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.rigid import Rigid3
 from si3fp.model import Detections, Window
-from si3fp.windows.balcony_fronts import hidden_by, hiding_fronts
+from si3fp.windows.balcony_fronts import hidden_by, hiding_fronts, in_columns
 from si3fp.windows.balcony_inferred import doors_of_columns, repeated_doors
 from si3fp.windows.balcony_openings import complete_doors, taken_apart
 from si3fp.windows.fuse import FusedDetections
@@ -139,6 +139,23 @@ def test_a_balcony_through_which_openings_show_hides_nothing():
     assert len(hiding_fronts(fronts(), through, 0.3, STEP_M)) == 0
     assert len(hiding_fronts(fronts(), cut, 0.3, STEP_M)) == 3
     assert len(hiding_fronts(fronts(), np.zeros((0, 4)), 0.3, STEP_M)) == 0
+
+
+def test_a_door_and_window_boxed_as_one_on_every_storey_stay_as_they_show():
+    both = (WINDOW[0], DOOR[1])
+    boxes = [shown(both, floor) for floor in FLOORS_M]
+    whole = complete_doors(found(boxes), fronts(), shows(), STEP_M)
+    assert whole.detections.boxes_px.tolist() == boxes
+    wide = [window(both, f + 0.2, f + 2.2, label="balcony_door") for f in FLOORS_M[:2]]
+    high = window(both, FLOORS_M[2] + 1.0, FLOORS_M[2] + 2.2)
+    result = doors_of_columns([*wide, high], fronts(), shows(), GRID)
+    assert result[2] is high
+
+
+def test_windows_in_the_columns_of_fronts_are_told():
+    boxes = np.array([shown(WINDOW, FLOORS_M[0]), shown(PLAIN[0], FLOORS_M[0])])
+    assert in_columns(fronts(FLOORS_M[1:2]), boxes).tolist() == [True, False]
+    assert in_columns(fronts([]), boxes).tolist() == [False, False]
 
 
 def storeys(*floors):

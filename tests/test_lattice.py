@@ -117,3 +117,11 @@ def test_order_and_place_on_the_facade_do_not_matter():
     seen = hide(around(gone))
     plain = completed(windows, seen)
     assert completed([windows[i] for i in rng.permutation(14)], seen) == plain
+
+
+def test_where_a_place_is_hidden_a_hint_says_no_less_than_silence():
+    gone, windows = without(7)
+    hint = window(gone.x_m, gone.y_m, score=0.1)
+    (added,) = (w for w in completed(windows, hide(around(gone)), [hint]) if w.origin == "inferred")
+    assert added.score == pytest.approx(0.9)
+    assert len(completed(windows, weak=[hint])) == 14

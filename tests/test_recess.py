@@ -16,7 +16,7 @@ from si3fp.windows.fuse import FusedDetections
 from si3fp.windows.measure import measure_windows, opening_box
 from si3fp.windows.parallax import patch_warp, seen_from, widest_views
 from si3fp.windows.recess import estimate_recess
-from si3fp.windows.recess_estimate import UNKNOWN_RECESS, RecessEstimate
+from si3fp.windows.recess_estimate import UNKNOWN_RECESS, RecessEstimate, of_the_others
 from si3fp.windows.sharpen import sharpen_windows
 
 M_PER_PX = 0.02
@@ -269,3 +269,13 @@ def test_the_widest_views_are_the_middle_and_the_ends():
     assert [view.source for view in widest_views(views, cameras, 3)] == ["0", "4", "8"]
     assert len(widest_views(views, cameras, 20)) == 9
     assert widest_views([], cameras, 3) == []
+
+
+def test_a_window_that_does_not_stand_free_has_the_depth_of_the_others():
+    told = [RecessEstimate(depth, 0.02, depth, 5) for depth in (0.14, 0.15, 0.16, 0.50)]
+    free = np.array([True, True, True, False])
+    *same, changed = of_the_others(told, free)
+    assert same == told[:3]
+    assert (changed.recess_m, changed.sigma_m) == (pytest.approx(0.15), pytest.approx(0.03))
+    assert changed.told_by == "3 other windows"
+    assert of_the_others(told, np.array([True, True, False, False])) == tuple(told)

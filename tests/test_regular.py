@@ -139,3 +139,14 @@ def test_without_agreement_on_the_size_nothing_is_completed():
     windows[2] = window(8.0, 2.2, height=0.7)
     result = corrected(windows, hide((7.5, 9.7, 0.5, 2.2)))[2]
     assert result.y_m == pytest.approx(2.2, abs=0.02)
+
+
+def test_a_window_does_not_go_on_into_another():
+    windows = lattice()
+    cut = replace(windows[7], width_m=0.7)
+    _, right, bottom, top = edges_of([cut])[0]
+    seen = hide((right, right + 1.0, bottom - 0.2, top + 0.2))
+    alone = [*windows[:7], cut, *windows[8:]]
+    assert corrected(alone, seen)[7].width_m == pytest.approx(1.2, abs=0.05)
+    beside = window(right + 0.1, bottom, 0.6, 1.5)
+    assert corrected([*alone, beside], seen)[7].width_m == pytest.approx(0.7, abs=0.1)

@@ -54,10 +54,11 @@ def hiding_fronts(
     repeated = (balconies.scores >= REPEATED_SCORE) & (column & sure).any(axis=1)
     found = sure | (repeated & ~twice.any(axis=1))
     column &= found
-    left, top, right, bottom = (boxes[:, None, side] for side in range(4))
-    o_left, o_top, o_right, o_bottom = (openings_px[None, :, side] for side in range(4))
-    behind = np.minimum(right, o_right) - np.maximum(left, o_left) > HALF * (o_right - o_left)
-    behind &= (o_top < top) & (o_bottom < bottom + HIDDEN_M / m_per_px)
+    top, bottom = boxes[:, None, 1], boxes[:, None, 3]
+    o_top, o_bottom = openings_px[None, :, 1], openings_px[None, :, 3]
+    behind = (
+        _in_span(boxes, openings_px) & (o_top < top) & (o_bottom < bottom + HIDDEN_M / m_per_px)
+    )
     below_m = (o_bottom - top) * m_per_px
     cut = (behind & (np.abs(below_m) < HIDDEN_M)).sum(axis=1)
     shows = (behind & (below_m > HIDDEN_M)).sum(axis=1)
@@ -73,6 +74,18 @@ def hidden_by(fronts: Detections, shape: tuple[int, int]) -> NDArray[np.bool_]:
     for box in fronts.boxes_px:
         covered[part_of(box)] = True
     return covered
+
+
+def in_columns(fronts: Detections, boxes_px: FloatArray) -> NDArray[np.bool_]:
+    """(N,) whether boxes (N, 4) lie behind one of the fronts, or above or below one."""
+    return np.asarray(_in_span(fronts.boxes_px, boxes_px).any(axis=0))
+
+
+def _in_span(fronts_px: FloatArray, boxes_px: FloatArray) -> NDArray[np.bool_]:
+    """(M, N) whether fronts (M, 4) are as wide as more than half of each box (N, 4)."""
+    low = np.maximum(fronts_px[:, None, 0], boxes_px[None, :, 0])
+    high = np.minimum(fronts_px[:, None, 2], boxes_px[None, :, 2])
+    return np.asarray(high - low > HALF * (boxes_px[:, 2] - boxes_px[:, 0]))
 
 
 def _spans_iou(first: FloatArray, second: FloatArray) -> FloatArray:

@@ -54,7 +54,7 @@ def doors_of_columns(
     so is an inferred one alone above a balcony.
     """
     boxes = _pixels(windows, grid)
-    doors = boxes[[window.label == "balcony_door" for window in windows]]
+    doors = boxes[[_is_door(window) for window in windows]].reshape(-1, 4)
     result = list(windows)
     for front, sigma in zip(fronts.boxes_px, fronts.edge_sigma_px, strict=True):
         behind = openings_behind(front, boxes, wall_seen, grid.m_per_px).tolist()
@@ -76,6 +76,11 @@ def doors_of_columns(
                     evidence=f"{window.evidence}; the door of a balcony, completed to its floor",
                 )
     return tuple(result)
+
+
+def _is_door(window: Window) -> bool:
+    """Whether it is a balcony's door alone; a wider one may hold the window beside it too."""
+    return window.label == "balcony_door" and window.width_m < DOOR_WIDTH_M + SAME_M
 
 
 def _pixels(windows: Sequence[Window], grid: FacadeGrid) -> FloatArray:
@@ -108,7 +113,7 @@ def repeated_doors(
     to have one or to have none.
     """
     result = list(windows)
-    doors = [w for w in windows if w.label == "balcony_door" and w.width_m < DOOR_WIDTH_M + SAME_M]
+    doors = [window for window in windows if _is_door(window)]
     if not config.infer or not doors:
         return tuple(result)
     columns = shared_levels(

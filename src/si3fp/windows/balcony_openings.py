@@ -28,9 +28,7 @@ HIGHEST_DOOR_M = 3.2
 NEAR_M = 0.3
 """A door's box ends so near to the balcony's front or within it."""
 DOOR_WIDTH_M = 1.05
-"""Doors of one leaf, with their frame, are narrower."""
-DOUBLE_DOOR_M = 1.6
-"""Doors of two leaves likewise; what is wider holds a window too."""
+"""Doors of one leaf, with their frame, are narrower; what is wider may hold a window too."""
 WIDER = 1.15
 """The window beside a door is wider than it by this factor or more."""
 GAP_M = (-0.15, 0.5)
@@ -174,8 +172,8 @@ def complete_doors(
     Notes
     -----
     A narrow opening beside a wider one is a door; the wider one ends at a sill behind the front
-    and stays as it shows. One alone is the door too, if no wider than one and not in the column of
-    such windows. What lies above or below a door, narrow beside a wider one like it, is another if
+    and stays as it shows. One alone is the door too, if as narrow and not in the column of such
+    windows. What lies above or below a door, narrow beside a wider one like it, is another if
     nobody saw what is under it.
     """
     boxes = found.detections.boxes_px.copy()
@@ -196,7 +194,7 @@ def complete_doors(
     windows = [j for i in beside for j in np.flatnonzero(_partners(heads_m[i], heads_m))]
     for box, box_sigma, among in zip(fronts.boxes_px, fronts.edge_sigma_px, behind, strict=True):
         for i in among.tolist():
-            alone = len(among) == 1 and heads_m[i, 1] - heads_m[i, 0] < DOUBLE_DOOR_M
+            alone = len(among) == 1 and heads_m[i, 1] - heads_m[i, 0] < DOOR_WIDTH_M
             if i in beside or (alone and not in_column(boxes[i], boxes[windows], m_per_px).any()):
                 complete(i, *door_foot(box[3], box_sigma[3], boxes[i, 1], m_per_px))
     doors = sorted(beside)

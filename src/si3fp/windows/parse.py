@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from si3fp.config import FusionConfig, MeasureConfig
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Detections, FacadeGrid, FacadeViews, OrthoImage, Window
-from si3fp.windows.balcony_fronts import hidden_by, hiding_fronts
+from si3fp.windows.balcony_fronts import hidden_by, hiding_fronts, in_columns
 from si3fp.windows.balcony_inferred import doors_of_columns, repeated_doors
 from si3fp.windows.balcony_openings import complete_doors, feet_hidden, taken_apart
 from si3fp.windows.detect import WindowDetector
@@ -112,7 +112,8 @@ def parse_facade(
         if not measure.measure_recess:
             return (UNKNOWN_RECESS,) * len(boxes)
         found = estimate_recess(boxes, views.views, cameras_in_facade, grid.m_per_px, measure)
-        return of_the_others(found, ~feet_hidden(boxes, shows, grid.m_per_px))
+        hidden = feet_hidden(boxes, shows, grid.m_per_px) & in_columns(fronts, boxes)
+        return of_the_others(found, ~hidden)
 
     def measured(
         found: FusedDetections, recesses: Sequence[RecessEstimate] | None

@@ -78,10 +78,10 @@ def drawn_to_kind(
 def of_the_others(
     estimates: Sequence[RecessEstimate], stands_free: NDArray[np.bool_]
 ) -> tuple[RecessEstimate, ...]:
-    """The recesses; windows beside which no wall shows have that of the facade's other windows.
+    """The recesses; windows that do not stand free have that of the facade's other windows.
 
-    What hides their wall, the front of a balcony or a van, passes for it in the ring that is
-    compared, and so does the window on the other side of a door's jamb.
+    The front of a balcony passes for the wall in the ring around a window that is compared, and so
+    does the window on the other side of a door's jamb.
 
     Parameters
     ----------
