@@ -7,6 +7,8 @@ import pytest
 
 pytest.importorskip("mitsuba")
 
+from benchmarks.estate.capture.cameras import Equirect, LensCamera, Pose
+from benchmarks.estate.capture.lens import Distortion
 from benchmarks.estate.parts import Material, Mesh, Parts
 from benchmarks.estate.plan import Light
 from benchmarks.estate.rendering.light import (
@@ -22,6 +24,7 @@ from benchmarks.estate.rendering.variant import mitsuba
 
 from si3fp.errors import InputError, MissingDependencyError
 from si3fp.geometry.enu import GeoOrigin
+from si3fp.geometry.pinhole import Pinhole
 
 GOTHENBURG = GeoOrigin(57.7, 11.97, 0.0)
 UP = np.array([0.0, 0.0, 1.0])
@@ -102,6 +105,29 @@ class TestPictures:
         found = renderer([GROUND], sky_of(0.5), wall=Material()).render(camera, 4, 0)
         assert np.array_equal(found.radiance.sum(axis=2) > 0, seen)
         assert np.array_equal(np.isfinite(found.depth_m), seen)
+
+    @pytest.mark.parametrize("kind", ["lens", "panorama"])
+    def test_edges_lie_where_the_camera_says(self, kind):
+        """Shares of white in the pixels of an edge, against rays through 256 places of each."""
+        down = Pose((0.3, 0.2, 5.0), 20.0, -70.0, 5.0).world_from_cam
+        lens = Distortion(0.3, -0.1, 0.01, -0.02)
+        camera = {
+            "lens": LensCamera(down, Pinhole(20.0, 20.0, 12.0, 8.0, 24, 16), lens),
+            "panorama": Equirect(down, 256),
+        }[kind]
+        white = quad((0, -500, 0.001), (500, 0, 0), (0, 1000, 0), "white")
+        materials = {"wall": Material(rgb=(0.0,) * 3), "white": Material(rgb=(1.0,) * 3)}
+        scene = renderer([GROUND, white], sky_of(0.0, sun=UP, sun_rgb=(np.pi,) * 3), **materials)
+        found = scene.render(camera, 256, 0, denoise=False).radiance[..., 0]
+        places = (np.arange(16) + 0.5) / 16
+        y, x = (np.arange(n)[:, None] + places for n in (camera.height_px, camera.width_px))
+        grid = np.stack(np.meshgrid(x.ravel(), y.ravel()), axis=-1)
+        origins, directions = camera.rays(grid.reshape(-1, 2))
+        way = np.where(directions[:, 2] < -0.05, -origins[:, 2] / directions[:, 2], np.nan)
+        east = np.where(np.isfinite(way), origins[:, 0] + way * directions[:, 0] > 0, np.nan)
+        share = east.reshape(camera.height_px, 16, camera.width_px, 16).mean(axis=(1, 3))
+        assert np.count_nonzero((share > 0.1) & (share < 0.9)) > 10
+        assert np.nanmax(np.abs(found - share)) < 0.03
 
     def test_white_furnace(self):
         """White ground under an even sky is as bright as the sky."""

@@ -44,6 +44,22 @@ class Rendered:
     seen: NDArray[np.bool_]
 
 
+@dataclass(frozen=True)
+class _Pixels:
+    """Pixels on the device, N of them.
+
+    ``origins`` and ``directions`` of rays through the first corner, and what is added to them by a
+    step of one pixel to the right and below; ``shift`` turns the evenly spread numbers of each.
+    """
+
+    count: int
+    numbers: Any
+    origins: list[Any]
+    directions: list[Any]
+    shift: list[Any]
+    seed: Any
+
+
 @functools.cache
 def denoiser_or_note() -> bool:
     """Whether there is a denoiser; says once what happens without."""
@@ -96,13 +112,12 @@ class Renderer:
         radiance, albedo, normal = (np.zeros((height * width, 3), np.float32) for _ in range(3))
         depth_m = np.full(height * width, np.inf, np.float32)
         for some in _batches(seen, max(samples, albedo_samples)):
-            radiance[some], rough_albedo, normal[some] = self._traced(
-                camera, some, samples, seed, max_depth
-            )
+            pixels = self._pixels(camera, some, seed)
+            radiance[some], rough_albedo, normal[some] = self._traced(pixels, samples, max_depth)
             albedo[some] = rough_albedo
             if divide:
                 radiance[some] /= np.maximum(rough_albedo, DARKEST)
-                albedo[some] = self._albedo(camera, some, albedo_samples, seed)
+                albedo[some] = self._albedo(pixels, albedo_samples)
         for some in _batches(seen, 1):
             middle = np.stack([some % width + 0.5, some // width + 0.5], axis=1)
             depth_m[some] = self.depth_m(*camera.rays(middle))
@@ -115,51 +130,69 @@ class Renderer:
                 picture[rows] *= np.maximum(albedo.reshape(picture.shape)[rows], DARKEST)
         return Rendered(picture, depth_m.reshape(height, width), seen)
 
-    def _traced(
-        self, camera: Camera, places: Places, samples: int, seed: int, max_depth: int
-    ) -> list[NDArray[np.float32]]:
+    def _traced(self, pixels: _Pixels, samples: int, max_depth: int) -> list[NDArray[np.float32]]:
         """Mean radiance, albedo and normal (N, 3) of some pixels."""
-        ray, even, rng = self._samples(camera, places, samples, seed)
+        ray, even, rng = self._samples(pixels, samples)
         found = self._tracer.traced(*ray, even, rng, self.mi.UInt32([max_depth]))
         return [_mean(value, samples) for value in _evaluated(found)]
 
-    def _albedo(
-        self, camera: Camera, places: Places, samples: int, seed: int
-    ) -> NDArray[np.float32]:
+    def _albedo(self, pixels: _Pixels, samples: int) -> NDArray[np.float32]:
         """Mean albedo (N, 3) of some pixels, of more samples than their light has."""
-        ray, even, rng = self._samples(camera, places, samples, seed)
+        ray, even, rng = self._samples(pixels, samples)
         (found,) = _evaluated([self._tracer.albedo(*ray, even[0], rng)])
         return _mean(found, samples)
 
-    def _samples(
-        self, camera: Camera, places: Places, samples: int, seed: int
-    ) -> tuple[tuple[Any, Any], list[Any], Any]:
+    def _pixels(self, camera: Camera, places: Places, seed: int) -> _Pixels:
+        """Some pixels on the device: their corners' rays, and the chance that is theirs."""
+        mi = self.mi
+        corner = np.stack([places % camera.width_px, places // camera.width_px], axis=1)
+        rays = [
+            camera.rays(corner + np.array(step)) for step in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
+        ]
+        origins, directions = (
+            [_device(mi.Point3f, mi, some - start * (k > 0)) for k, some in enumerate(values)]
+            for values in zip(*rays, strict=True)
+            for start in values[:1]
+        )
+        shift = _shift(places, seed).astype(np.float32)
+        return _Pixels(
+            len(places),
+            mi.UInt32(places.astype(np.uint32)),
+            origins,
+            directions,
+            [mi.Float(np.ascontiguousarray(shift[:, k])) for k in range(DIMENSIONS)],
+            mi.UInt32([(seed * 0x9E3779B9) & 0xFFFFFFFF]),
+        )
+
+    def _samples(self, pixels: _Pixels, samples: int) -> tuple[tuple[Any, Any], list[Any], Any]:
         """Rays through pixels, evenly spread numbers of each, and its own chance.
 
-        All of them follow from pixel, sample and seed alone, whatever the batch.
+        All of them follow from pixel, sample and seed alone, whatever the batch. Within a pixel the
+        rays are linear in its place: true to less than a millionth of a radian.
         """
         import drjit as dr  # noqa: PLC0415
 
         mi = self.mi
-        table, shift = _even_table(samples), _shift(places, seed)
-        corner = np.stack([places % camera.width_px, places // camera.width_px], axis=1)
-        inside = (shift[:, None, :2] + table[:, :2]) % 1
-        origins, directions = camera.rays((corner[:, None] + inside).reshape(-1, 2))
-        each = dr.arange(mi.UInt32, len(places) * samples)
+        table = _even_table(samples).astype(np.float32)
+        each = dr.arange(mi.UInt32, pixels.count * samples)
         index, sample = each // samples, each % samples
-        even = []
-        for k in range(2, DIMENSIONS):
-            value = dr.gather(mi.Float, mi.Float(np.float32(shift[:, k])), index)
-            value += dr.gather(mi.Float, mi.Float(np.float32(table[:, k])), sample)
-            even.append(value - dr.floor(value))
-        pixel = dr.gather(mi.UInt32, mi.UInt32(places.astype(np.uint32)), index)
-        start = mi.sample_tea_32(pixel, sample + mi.UInt32([(seed * 0x9E3779B9) & 0xFFFFFFFF]))
-        rng = mi.PCG32(initstate=mi.UInt64(start[0]), initseq=mi.UInt64(start[1]))
-        return (
-            (_device(mi.Point3f, mi, origins), _device(mi.Vector3f, mi, directions)),
-            even,
-            rng,
+        numbers = []
+        for k in range(DIMENSIONS):
+            value = dr.gather(mi.Float, pixels.shift[k], index)
+            value += dr.gather(mi.Float, mi.Float(np.ascontiguousarray(table[:, k])), sample)
+            numbers.append(value - dr.floor(value))
+        x, y, *even = numbers
+        origin, direction = (
+            corner + x * right + y * below
+            for corner, right, below in (
+                [dr.gather(mi.Point3f, value, index) for value in values]
+                for values in (pixels.origins, pixels.directions)
+            )
         )
+        pixel = dr.gather(mi.UInt32, pixels.numbers, index)
+        start = mi.sample_tea_32(pixel, sample + pixels.seed)
+        rng = mi.PCG32(initstate=mi.UInt64(start[0]), initseq=mi.UInt64(start[1]))
+        return (origin, dr.normalize(mi.Vector3f(direction))), even, rng
 
     def depth_m(self, origins: FloatArray, directions: FloatArray) -> NDArray[np.float32]:
         """Distance (N,) to the first surface, glass too, along unit directions; inf if none."""
