@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 from benchmarks.estate.plan import BalconyKind, Building, FinishKind, millimetres, rng_of
-from benchmarks.estate.plans.bays import Levels, Point, Side, bays_of
+from benchmarks.estate.plans.bays import Bay, Levels, Point, Side, bays_of
 from benchmarks.estate.plans.fenestration import between, pick
 from benchmarks.estate.plans.looks import Look, look_of
 from benchmarks.estate.plans.wall_plans import wall_of
@@ -29,6 +29,8 @@ BALCONY_UNITS = {
     6: ("bBbbBb", "BblbbB"),
     7: ("bbBbBbb", "bBbbbBb"),
 }
+
+CORNER_WALL_M = 0.25  # between a loggia and the room beside it
 
 
 @dataclass(frozen=True)
@@ -227,9 +229,22 @@ def _shifted_halves(name: str, size: HalfSize, levels: Levels, seed: int) -> Bui
 
 
 def _house(name: str, sides: Sequence[Side], levels: Levels, look: Look, seed: int) -> Building:
-    walls = tuple(
-        wall_of(f"{name}-{index}", side, levels, look, seed) for index, side in enumerate(sides)
-    )
+    walls = []
+    for index, side in enumerate(sides):
+        before, after = sides[index - 1], sides[(index + 1) % len(sides)]
+        taken_m = (
+            _loggia_m(before, side, before.bays[-1:], look),
+            _loggia_m(side, after, after.bays[:1], look),
+        )
+        walls.append(wall_of(f"{name}-{index}", side, levels, look, seed, taken_m))
     return Building(
-        name, walls, levels.height_m, levels.storeys, levels.storey_m, look.year, look.roof
+        name, tuple(walls), levels.height_m, levels.storeys, levels.storey_m, look.year, look.roof
     )
+
+
+def _loggia_m(first: Side, second: Side, at_corner: Sequence[Bay], look: Look) -> float:
+    """How far a bay at the corner of two sides reaches behind the other one: a loggia's depth."""
+    (ax, ay), (bx, by), (cx, cy) = first.start, first.end, second.end
+    outward = (bx - ax) * (cy - by) - (by - ay) * (cx - bx) > 0
+    loggia = look.balcony.kind == "loggia" and any(bay.use == "balcony" for bay in at_corner)
+    return look.balcony.depth_m + CORNER_WALL_M if outward and loggia else 0.0

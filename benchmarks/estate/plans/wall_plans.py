@@ -23,15 +23,24 @@ from benchmarks.estate.plans.looks import Look
 from benchmarks.estate.plans.trimmings import trimmings
 
 
-def wall_of(name: str, side: Side, levels: Levels, look: Look, seed: int) -> Wall:
+def wall_of(
+    name: str,
+    side: Side,
+    levels: Levels,
+    look: Look,
+    seed: int,
+    taken_m: tuple[float, float] = (0.0, 0.0),
+) -> Wall:
     """The wall of one side with all that it carries.
 
+    Behind the first and the last ``taken_m`` of it lie the loggias of its neighbours, not rooms.
     The drawing of every window's inside depends on ``seed``, the wall's name, storey and bay only.
     """
     width = float(np.hypot(side.end[0] - side.start[0], side.end[1] - side.start[1]))
     gabled = side.gable and look.roof.kind == "gable"
     rise = look.roof.rise_m if gabled else 0.0
     bay_m = width / max(1, len(side.bays))
+    rooms = (taken_m[0], width - taken_m[1])
     openings: list[Opening] = []
     balconies: list[Balcony] = []
     for index, bay in enumerate(side.bays):
@@ -49,7 +58,7 @@ def wall_of(name: str, side: Side, levels: Levels, look: Look, seed: int) -> Wal
                 openings += found
                 balconies += balcony
             else:
-                openings += _room(bay, centre, bay_m, storey, levels, look, rng)
+                openings += _room(bay, centre, bay_m, rooms, storey, levels, look, rng)
         openings += _low_windows(bay, centre, levels, look, rng_of(seed, name, index, "low"))
     return Wall(
         name,
@@ -75,11 +84,13 @@ def _room(
     bay: Bay,
     centre: float,
     bay_m: float,
+    rooms: tuple[float, float],
     storey: int,
     levels: Levels,
     look: Look,
     rng: np.random.Generator,
 ) -> list[Opening]:
+    """The window, moved to where ``rooms`` begin or end; none where its bay has no place for it."""
     windows = look.windows
     kinds = {
         "bed": windows.bed,
@@ -91,7 +102,10 @@ def _room(
         return []
     kind = _fitted(kinds[bay.use].mirrored if bay.mirrored else kinds[bay.use], bay_m)
     sill = levels.floor_m(storey) + windows.head_m - kind.height_m
-    return [window(windows, kind, centre, sill, behind(rng, bay.use))]
+    moved = float(np.clip(centre, rooms[0] + kind.width_m / 2, rooms[1] - kind.width_m / 2))
+    if abs(moved - centre) > (bay_m - kind.width_m) / 2:
+        return []
+    return [window(windows, kind, moved, sill, behind(rng, bay.use))]
 
 
 def _fitted(kind: WindowType, bay_m: float) -> WindowType:
