@@ -78,7 +78,10 @@ def written(folder: Path, case: Case, content: dict[str, Any]) -> Case:
         file.write_text(dump_json(payload), encoding="utf-8")
     panoramas = case.set_folder / "panoramas"
     panoramas.mkdir(parents=True)
-    Image.new("RGB", (64, 32)).save(panoramas / "p0.jpg")
+    for name in ("p0", "p1"):
+        Image.new("RGB", (64, 32)).save(panoramas / f"{name}.jpg")
+    spent = {"seconds": {"panoramas": 50.0, "photos": 9.0, "masks": 3.0, "orthophotos": 40.0}}
+    (case.set_folder / "estate.json").write_text(dump_json(spent), encoding="utf-8")
     return read(case)
 
 
@@ -165,13 +168,14 @@ def test_tables_with_what_is_there_and_dashes_for_the_rest(tmp_path: Path) -> No
     assert set(ours["b2", "ours, street"]) == {"-"}
     assert set(ours["Total", "ours, street"]) == {"-"}
     assert ("b1", "ours, photos") not in ours
-    assert ours["b1", "ours"][:7] == ["5.0", "10.0", "3", "-", "-", "1", "64 x 32"]
+    assert ours["b1", "ours"][:7] == ["5.0", "10.0", "3", "-", "-", "2", "64 x 32"]
     assert ours["b1", "ours"][7] == "1.0, 33.3 %"
     steps = {row[0]: row[1:] for row in rows}
     assert steps["S.2 (s)"] == ["< 1 min", "4.0", "-"]
     assert steps["files, report, start-up (s)"] == ["-", "96.0", "-"]
     assert steps["peak memory (GiB)"] == ["-", "2.0", "-"]
     assert "- b2 seed 1 street: not done yet: build" in text
+    assert "Rendering took: a panorama 25 s, the truth 43 s." in text
     assert "0 of" not in text.split("figures are better")[0].splitlines()[-1]
 
 

@@ -42,8 +42,8 @@ class Case:
         Of this building and seed.
     evaluation, run
         Contents of ``evaluation.json`` and ``run.json``.
-    stage, build
-        What the run and the rendering took.
+    stage
+        What the run took.
     problem
         Why there is no evaluation; empty where there is one.
     """
@@ -56,7 +56,6 @@ class Case:
     evaluation: Json | None = None
     run: Json | None = None
     stage: Stage | None = None
-    build: Stage | None = None
     problem: str = ""
 
     @property
@@ -124,7 +123,7 @@ def make(case: Case, size: str, paths: Sequence[str], limit_s: float, *, again: 
         limit_s=limit_s,
     )
     if not build.done:
-        return _read(replace(case, build=build, problem=f"rendering failed: {build.reason}"))
+        return _read(replace(case, problem=f"rendering failed: {build.reason}"))
     truth = case.set_folder / "truth" / "model.hbjson"
     if not truth.exists():
         return _read(replace(case, problem=f"{truth} is missing; remove {case.record('build')}"))
@@ -179,6 +178,20 @@ def pictures_of(case: Case, kind: str) -> Pictures | None:
     return Pictures(len(files), f"{width_px} x {height_px}")
 
 
+def seconds_of(case: Case) -> dict[str, float]:
+    """Seconds that one panorama, one photo and the truth of the whole set took to render."""
+    record = _json(case.set_folder / "estate.json") or {}
+    spent: dict[str, float] = record.get("seconds", {})
+    found = {}
+    for kind in ("panoramas", "photos"):
+        pictures = pictures_of(case, kind)
+        if pictures is not None and kind in spent:
+            found[kind] = spent[kind] / pictures.count
+    if "orthophotos" in spent:
+        found["truth"] = spent["orthophotos"] + spent.get("masks", 0.0)
+    return found
+
+
 def _run_command(case: Case) -> list[str]:
     start = [sys.executable, "-m", "si3fp.cli", case.path]
     end = ["--footprints", str(case.set_folder / "footprints.geojson"), "-o", str(case.run_folder)]
@@ -201,7 +214,6 @@ def _read(case: Case) -> Case:
         evaluation=evaluation,
         run=run,
         stage=read_stage(case.record(case.run_name)),
-        build=read_stage(case.record("build")),
         problem=problem,
     )
 

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from benchmarks.tables import paper
-from benchmarks.tables.cases import Case, pictures_of
+from benchmarks.tables.cases import Case, pictures_of, seconds_of
 from benchmarks.tables.cells import ABSENT, cell, lines_of, number, spread, verdict
 from benchmarks.tables.scores import Metrics, Scored, metrics, pooled, scored
 
@@ -197,8 +197,6 @@ def _footnotes(cases: Sequence[Case]) -> list[str]:
     """Machines, rendering, versions, and what is missing."""
     stages = [case.stage for case in cases if case.stage is not None and case.stage.done]
     machines = sorted({stage.machine for stage in stages if stage.machine})
-    builds = {case.folder: case.build for case in cases if case.build is not None}
-    minutes = [build.seconds / 60 for build in builds.values() if build.done]
     versions = sorted({case.run["si3fp_version"] for case in cases if case.run is not None})
     renderers = sorted({case.renderer for case in cases if case.path == "photos"})
     lines = []
@@ -206,11 +204,19 @@ def _footnotes(cases: Sequence[Case]) -> list[str]:
         lines.append(f"Our machine: {'; '.join(machines)}. si3fp {', '.join(versions)}.")
     if renderers:
         lines.append(f"Renderer of the photos' path: {', '.join(renderers)}.")
-    if minutes:
-        lines.append(
-            f"Rendering a set took {spread(minutes, 0)} minutes where it was made in one go."
-        )
+    lines += _rendering({case.folder: case for case in cases}.values())
     unfinished = [f"- {case.label}: {case.problem}" for case in cases if case.problem]
     if unfinished:
         lines += ["", "Not in the tables:", "", *unfinished]
     return lines
+
+
+def _rendering(cases: Iterable[Case]) -> list[str]:
+    """What a picture of the sets took to render, and the truth of a building."""
+    times = [seconds_of(case) for case in cases]
+    found = []
+    for kind, word in (("panoramas", "a panorama"), ("photos", "a photo"), ("truth", "the truth")):
+        values = [each[kind] for each in times if kind in each]
+        if values:
+            found.append(f"{word} {spread(values, 0)} s")
+    return [f"Rendering took: {', '.join(found)}."] if found else []
