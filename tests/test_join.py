@@ -66,6 +66,40 @@ def test_three_lights_are_one_opening():
     assert one.detections.boxes_px.tolist() == [[100, 80, 196, 180]]
 
 
+LIGHTS = ((100, 80, 130, 180), (133, 80, 183, 180), (186, 80, 216, 180))
+BLURRED = (117, 79, 192, 181)
+"""The middle light, or all three: the network is not sure."""
+
+
+@pytest.mark.parametrize("scores", [(0.8, 0.7, 0.6), (0.6, 0.8, 0.7)])
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_a_blurred_box_between_two_lights_shows_the_lights_between_them(scores, mirrored):
+    rows = [LIGHTS[0], BLURRED, LIGHTS[2]]
+    painted_lights = list(LIGHTS)
+    if mirrored:
+        rows = [(900 - x1, y0, 900 - x0, y1) for x0, y0, x1, y1 in rows]
+        painted_lights = [(900 - x1, y0, 900 - x0, y1) for x0, y0, x1, y1 in LIGHTS[::-1]]
+    found = boxes(*rows, scores=np.array(scores))
+    found.detections.edge_sigma_px[1, [0, 2]] = 10.0
+    order = np.argsort(-found.detections.scores)
+    one = joined(found.select(order), painted(*painted_lights, between=FRAME))
+    low, high = (684, 800) if mirrored else (100, 216)
+    assert one.detections.boxes_px.tolist() == [[low, 79, high, 181]]
+
+
+def test_a_blurred_box_on_the_pier_between_two_windows_is_no_window():
+    found = boxes(LIGHTS[0], BLURRED, LIGHTS[2])
+    found.detections.edge_sigma_px[1, [0, 2]] = 10.0
+    two = joined(found, painted(LIGHTS[0], LIGHTS[2]))
+    assert two.detections.boxes_px.tolist() == [list(LIGHTS[0]), list(LIGHTS[2])]
+
+
+def test_a_sharp_box_over_two_others_is_not_cut():
+    found = boxes(LIGHTS[0], BLURRED, LIGHTS[2], scores=np.array([0.8, 0.7, 0.6]))
+    two = joined(found, painted(*LIGHTS, between=FRAME))
+    assert two.detections.boxes_px.tolist() == [list(LIGHTS[0]), list(LIGHTS[2])]
+
+
 def test_a_pier_keeps_two_windows_apart():
     rows = ((100, 80, 130, 180), (145, 80, 175, 180))
     assert len(joined(boxes(*rows), painted(*rows)).detections) == 2

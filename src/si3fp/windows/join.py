@@ -2,7 +2,9 @@
 
 Two boxes side by side, or one above the other, are lights of one opening if no more than a mullion
 (a transom) can lie between them. Their gap says so, and whether their union is as large as other
-windows of the facade are; wall that shows between them speaks against it.
+windows of the facade are; wall that shows between them speaks against it. Of a window of many
+lights the network often boxes the outer ones well and something in between: that is cut to the
+lights between them.
 """
 
 from __future__ import annotations
@@ -48,8 +50,9 @@ def join_openings(
     config
         Width of a mullion, uncertainty of a side where the network does not tell it.
     """
-    found = _without_overlaps(found.select(_not_nested(found.detections)))
     lab = cv2.cvtColor(image.rgb, cv2.COLOR_RGB2LAB).astype(np.float64)
+    found = found.select(_not_nested(found.detections))
+    found = _without_overlaps(_cut_between(found, lab, image.valid, m_per_px, config))
     for axis in (0, 1):
         found = _joined_along(axis, found, lab, image.valid, m_per_px, config)
     return found.select(np.argsort(-found.detections.scores, kind="stable"))
@@ -76,6 +79,39 @@ def _not_nested(detections: Detections) -> NDArray[np.int_]:
             dropped[outer] = True
     order = np.argsort(-scores, kind="stable")
     return order[~dropped[order]]
+
+
+def _cut_between(
+    found: FusedDetections,
+    lab: FloatArray,
+    valid: NDArray[np.bool_],
+    m_per_px: float,
+    config: MeasureConfig,
+) -> FusedDetections:
+    """The same boxes; one with blurred ends between two others is cut to what lies between them.
+
+    It overlaps both, as far as the uncertainty of its ends explains, and has their top and
+    bottom; it would be dropped as a window that is there twice, and the lights it shows be lost.
+    Wall that shows between the two keeps it from being cut.
+    """
+    detections = found.detections
+    boxes, sigma = detections.boxes_px.copy(), detections.edge_sigma_px.copy()
+    reach = 2 * _sigma_m(detections, m_per_px, config) / m_per_px
+    aligned = _aligned(0, detections, m_per_px, config)
+    left, right = detections.boxes_px[:, 0], detections.boxes_px[:, 2]
+    for k in range(len(boxes)):
+        before = aligned[k] & (left < left[k]) & (right > left[k]) & (right < left[k] + reach[k, 0])
+        after = aligned[k] & (right > right[k]) & (left < right[k])
+        after &= left > right[k] - reach[k, 2]
+        if not (before.any() and after.any()):
+            continue
+        i, j = np.flatnonzero(before)[0], np.flatnonzero(after)[0]
+        one, other = detections.boxes_px[i], detections.boxes_px[j]
+        if one[2] < other[0] and not _wall_between(0, one, other, lab, valid, m_per_px):
+            boxes[k, [0, 2]] = right[i], left[j]
+            sigma[k, [0, 2]] = sigma[i, 2], sigma[j, 0]
+    cut = Detections(boxes, detections.scores, detections.labels, sigma)
+    return FusedDetections(cut, found.views, found.notes)
 
 
 def _without_overlaps(found: FusedDetections) -> FusedDetections:
@@ -139,18 +175,34 @@ def _gaps(
     Infinite where the boxes are not aligned across the axis or the gap is out of the question.
     """
     boxes = detections.boxes_px * m_per_px
-    sigma = detections.edge_sigma_px * m_per_px
-    sigma = np.where(sigma > 0, sigma, config.box_sigma_m)
-    low, high, low_across, high_across = axis, axis + 2, 1 - axis, 3 - axis
+    sigma = _sigma_m(detections, m_per_px, config)
+    low, high = axis, axis + 2
     gap = boxes[None, :, low] - boxes[:, None, high]
     gap_sigma = np.hypot(sigma[None, :, low], sigma[:, None, high])
     possible = (gap < config.mullion_m + 2 * gap_sigma) & (gap > -config.mullion_m - 2 * gap_sigma)
-    for side in (low_across, high_across):
-        tolerance = ALIGNED_M + np.hypot(sigma[:, None, side], sigma[None, :, side])
-        possible &= np.abs(boxes[:, None, side] - boxes[None, :, side]) < tolerance
+    possible &= _aligned(axis, detections, m_per_px, config)
     # Of two boxes, the second begins beyond the middle of the first.
     possible &= boxes[None, :, low] > (boxes[:, None, low] + boxes[:, None, high]) / 2
     return np.where(possible, gap, np.inf), gap_sigma
+
+
+def _aligned(
+    axis: int, detections: Detections, m_per_px: float, config: MeasureConfig
+) -> NDArray[np.bool_]:
+    """Whether two boxes (N, N) begin and end at the same places across the axis."""
+    boxes = detections.boxes_px * m_per_px
+    sigma = _sigma_m(detections, m_per_px, config)
+    aligned = np.ones((len(boxes), len(boxes)), bool)
+    for side in (1 - axis, 3 - axis):
+        tolerance = ALIGNED_M + np.hypot(sigma[:, None, side], sigma[None, :, side])
+        aligned &= np.abs(boxes[:, None, side] - boxes[None, :, side]) < tolerance
+    return aligned
+
+
+def _sigma_m(detections: Detections, m_per_px: float, config: MeasureConfig) -> FloatArray:
+    """Standard deviations (N, 4) of the sides in metres, the usual one where none is told."""
+    sigma = detections.edge_sigma_px * m_per_px
+    return np.where(sigma > 0, sigma, config.box_sigma_m)
 
 
 def _repetition(first: FloatArray, second: FloatArray, sizes: FloatArray) -> float:
