@@ -181,7 +181,7 @@ def test_what_a_front_hides_is_inferred_from_the_storeys_below():
         windows, [], np.zeros((0, 4)), bare.astype(np.float32), GRID, 0.4, CONFIG
     )
     completed = doors_of_columns(lattice, before, bare, GRID)
-    whole = repeated_doors(completed, before, GRID, CONFIG)
+    whole = repeated_doors(completed, before, bare, GRID, CONFIG)
     added = [w for w in whole if w.origin == "inferred"]
     assert sorted(w.label for w in added) == ["balcony_door", "window"]
     (door,) = (w for w in added if w.label == "balcony_door")
@@ -190,8 +190,10 @@ def test_what_a_front_hides_is_inferred_from_the_storeys_below():
 
 
 def test_a_door_is_inferred_from_two_others_and_not_from_one_or_where_the_switch_is_off():
-    def doors(windows, config=CONFIG):
-        whole = repeated_doors(windows, fronts(), GRID, config)
+    nothing, all_of_it = np.zeros(SHAPE, bool), np.ones(SHAPE, bool)
+
+    def doors(windows, config=CONFIG, seen=nothing):
+        whole = repeated_doors(windows, fronts(), seen, GRID, config)
         return [w for w in whole if w.origin == "inferred"]
 
     (door,) = doors(storeys(*FLOORS_M[:2]))
@@ -199,6 +201,8 @@ def test_a_door_is_inferred_from_two_others_and_not_from_one_or_where_the_switch
     assert doors(storeys(FLOORS_M[0])) == []
     assert doors(storeys(*FLOORS_M[:2]), MeasureConfig(infer=False)) == []
     assert doors(storeys(*FLOORS_M)) == []
+    # Bare wall shows where the door would be.
+    assert doors(storeys(*FLOORS_M[:2]), seen=all_of_it) == []
     # A window is where the door would be: that balcony has none.
     other = [*storeys(*FLOORS_M[:2]), window((2.5, 3.6), 6.9, 8.2)]
     assert doors(other) == []

@@ -150,3 +150,13 @@ def test_a_window_does_not_go_on_into_another():
     assert corrected(alone, seen)[7].width_m == pytest.approx(1.2, abs=0.05)
     beside = window(right + 0.1, bottom, 0.6, 1.5)
     assert corrected([*alone, beside], seen)[7].width_m == pytest.approx(0.7, abs=0.1)
+
+
+def test_the_height_of_doors_does_not_complete_a_window():
+    doors = [window(1 + 2 * c, 0.5, 0.9, 2.2, label="balcony_door") for c in range(4)]
+    plain = window(12.0, 1.4, 1.2, 1.3)
+    seen = hide((11.5, 13.8, 0.0, 1.3))
+    result = corrected([*doors, plain], seen)
+    assert result[-1].y_m == pytest.approx(1.4, abs=0.02)
+    tall = corrected([*(replace(door, label="window") for door in doors), plain], seen)
+    assert tall[-1].y_m == pytest.approx(0.5, abs=0.02)

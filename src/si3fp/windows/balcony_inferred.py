@@ -14,6 +14,7 @@ from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Detections, Window
 from si3fp.windows.balcony_openings import (
     DOOR_WIDTH_M,
+    HALF,
     HIGHEST_DOOR_M,
     NEAR_M,
     SAME_M,
@@ -21,6 +22,7 @@ from si3fp.windows.balcony_openings import (
     in_column,
     openings_behind,
 )
+from si3fp.windows.depth import share_within
 from si3fp.windows.levels import shared_levels
 from si3fp.windows.measure import BALCONY_DOOR_HEIGHT_M
 from si3fp.windows.regular import edges_of
@@ -91,7 +93,11 @@ def _pixels(windows: Sequence[Window], grid: FacadeGrid) -> FloatArray:
 
 
 def repeated_doors(
-    windows: Sequence[Window], fronts: Detections, grid: FacadeGrid, config: MeasureConfig
+    windows: Sequence[Window],
+    fronts: Detections,
+    wall_seen: NDArray[np.bool_],
+    grid: FacadeGrid,
+    config: MeasureConfig,
 ) -> tuple[Window, ...]:
     """The windows with a door behind every front whose column has it on other storeys.
 
@@ -99,8 +105,8 @@ def repeated_doors(
     ----------
     windows
         All windows of the facade.
-    fronts
-        Fronts of balconies that hide what is behind them.
+    fronts, wall_seen
+        As in `complete_doors`.
     grid
         Grid of the facade.
     config
@@ -123,7 +129,7 @@ def repeated_doors(
     ).index
     for number in range(columns.max() + 1):
         column = [door for door, at in zip(doors, columns, strict=True) if at == number]
-        result += _missing_doors(column, result, fronts, grid, config)
+        result += _missing_doors(column, result, fronts, wall_seen, grid, config)
     return tuple(sorted(result, key=lambda w: (-round(w.y_m, 1), w.x_m)))
 
 
@@ -131,6 +137,7 @@ def _missing_doors(
     column: Sequence[Window],
     windows: Sequence[Window],
     fronts: Detections,
+    wall_seen: NDArray[np.bool_],
     grid: FacadeGrid,
     config: MeasureConfig,
 ) -> list[Window]:
@@ -154,7 +161,12 @@ def _missing_doors(
         if beside.any():
             without += 1
         elif (levels == 0).sum() >= LEAST_HEADS:
-            hidden.append(float(tops[levels == 0].mean()))
+            head = float(tops[levels == 0].mean())
+            corners = grid.pixels_from_facade([[left, head], [right, head - height_m]])
+            if share_within(wall_seen, corners.reshape(4)) < HALF:
+                hidden.append(head)
+            else:
+                without += 1
     probability = (len(column) + 1) / (len(column) + without + 2)
     if probability < config.min_completed:
         return []

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from si3fp.config import FusionConfig, MeasureConfig
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Detections, FacadeGrid, FacadeViews, OrthoImage, Window
+from si3fp.windows.balcony_columns import balcony_columns, covers
+from si3fp.windows.balcony_frames import parted, shared_frames
 from si3fp.windows.balcony_fronts import hidden_by, hiding_fronts, in_columns
 from si3fp.windows.balcony_inferred import doors_of_columns, repeated_doors
 from si3fp.windows.balcony_openings import complete_doors, feet_hidden, taken_apart
@@ -104,6 +106,16 @@ def parse_facade(
         grid.m_per_px,
     )
     balconies = balconies.select(balconies.scores >= detector.thresholds["balcony"])
+    sure_px = proposed.detections.boxes_px[proposed.detections.scores >= threshold]
+    columns = balcony_columns(
+        of_label(on_fused, "balcony"),
+        sure_px,
+        detector.thresholds["balcony"],
+        list(cameras_in_facade.values()),
+        grid,
+    )
+    fronts = covers(fronts, columns, grid)
+    frames = shared_frames(sure_px, in_columns(balconies, sure_px), columns, fused, grid)
     seen = wall_seen(fused, views.views)
     seen[hidden_by(fronts, seen.shape)] = 0
     shows = seen >= HALF_SEEN
@@ -136,8 +148,9 @@ def parse_facade(
         for box, recess in zip(found.boxes_px, found.recesses, strict=True)
     ]
     picture = sharpen_windows(fused, views.views, openings, found.recesses, cameras_in_facade, grid)
-    windows = doors_of_columns(found.windows, fronts, shows, grid)
-    windows = repeated_doors(windows, fronts, grid, measure)
+    windows = parted(found.windows, frames)
+    windows = doors_of_columns(windows, fronts, shows, grid)
+    windows = repeated_doors(windows, fronts, shows, grid, measure)
     found = replace(found, windows=windows)
     interval = interval_of(found, fused, grid, detector.wwr_errors)
     return ParsedFacade(found.windows, per_view, on_fused, picture, interval)

@@ -81,7 +81,8 @@ def correct_windows(
     edges_m = edges_of(windows)
     hidden = _hidden_sides(edges_m, seen, grid)
     frames = frames_of(edges_m, own_m, ~hidden)
-    frames, completed, words = _completed(frames, hidden, seen, grid)
+    labels = np.array([window.label for window in windows])
+    frames, completed, words = _completed(frames, hidden, labels, seen, grid)
     moved = _drawn(frames, completed)
     limit = np.array([grid.width_m, grid.width_m, grid.height_m, grid.height_m])
     moved = replace(moved, edges_m=np.clip(moved.edges_m, 0, limit))
@@ -140,12 +141,16 @@ def _hidden_sides(
 
 
 def _completed(
-    frames: Frames, hidden: NDArray[np.bool_], seen: NDArray[np.float32], grid: FacadeGrid
+    frames: Frames,
+    hidden: NDArray[np.bool_],
+    labels: NDArray[np.str_],
+    seen: NDArray[np.float32],
+    grid: FacadeGrid,
 ) -> tuple[Frames, NDArray[np.bool_], list[str]]:
     """Windows that go on behind what hides them, (N, 4) which sides moved, and words about it.
 
     The size comes from windows that share the opposite side, or else from those of its row (its
-    column); most of them must agree.
+    column); most of them must agree. Doors do not tell the height of a window.
     """
     edges, sigma = frames.edges_m.copy(), frames.sigma_m.copy()
     completed = np.zeros(edges.shape, bool)
@@ -154,6 +159,8 @@ def _completed(
         opposite = OPPOSITE[side]
         across = (2, 3) if side < 2 else (0, 1)
         whole = ~hidden[:, side] & ~hidden[:, opposite]
+        if side >= 2 and labels[i] == "window":
+            whole &= labels == "window"
         aligned = whole & _together(frames.levels[opposite], i)
         if aligned.sum() < 2:
             aligned |= whole & _together(frames.levels[across[0]], i)
