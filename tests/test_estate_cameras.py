@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from benchmarks.estate.capture.cameras import Equirect, LensCamera, Orthographic, Pose
 from benchmarks.estate.capture.lens import Distortion
+from benchmarks.estate.rays import distances_to_line
 
 from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.pinhole import Pinhole
@@ -77,3 +78,18 @@ def test_an_orthographic_ray_is_a_pixel_of_the_facade() -> None:
     origins, directions = camera.rays(np.array([[0.5, 29.5], [39.5, 0.5]]))
     assert origins == pytest.approx(np.array([[2.05, 1.0, 0.05], [5.95, 1.0, 2.95]]))
     assert directions == pytest.approx(np.array([[0.0, 1.0, 0.0]] * 2))
+
+
+def test_rays_meet_an_upright_plane_over_a_line_and_miss_it_beside_its_ends() -> None:
+    rays = np.array(
+        [
+            [1.0, 0.0, 0.0],  # straight at it, 5 m away
+            [0.6, 0.0, 0.8],  # upwards: 5 m away on the ground, 25 / 3 m along the ray
+            [1.0, 0.3, 0.0],  # past its end, 1.5 m aside
+            [-1.0, 0.0, 0.0],  # away from it
+            [0.0, 1.0, 0.0],  # along it
+        ]
+    )
+    for start, end in (((7.0, 1.0), (7.0, 3.0)), ((7.0, 3.0), (7.0, 1.0))):
+        found = distances_to_line(np.array([2.0, 2.0, 1.5]), rays, start, end)
+        assert found == pytest.approx([5.0, 25 / 3, np.inf, np.inf, np.inf])

@@ -143,7 +143,7 @@ def test_hidden_boxes_are_ignored() -> None:
 def test_many_facades_look_at_the_sun() -> None:
     pytest.importorskip("mitsuba")
     from benchmarks.estate.facades.facade_pictures import facade_shot
-    from benchmarks.estate.rendering.light import direction_of, sun_position_deg
+    from benchmarks.estate.sun import direction_of, sun_position_deg
 
     lit = 0
     for number in range(60):

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 import shapely
 from benchmarks.estate import specs
-from benchmarks.estate.plan import Building, Estate, Opening, Wall, rng_of
+from benchmarks.estate.drawing import rng_of
+from benchmarks.estate.plan import Building, Estate, Opening, Wall
 from benchmarks.estate.plans.buildings import neighbour_slab
 from benchmarks.estate.plans.sight import seen_shares
 from benchmarks.estate.site.neighbours import NeighbourPlace

@@ -1,4 +1,4 @@
-"""The estate's renderer against radiance, depth and sun positions that can be computed."""
+"""The estate's renderer against radiance and depth that can be computed."""
 
 import dataclasses
 
@@ -13,16 +13,15 @@ from benchmarks.estate.parts import Material, Mesh, Parts
 from benchmarks.estate.plan import Light
 from benchmarks.estate.rendering.light import (
     SkyMap,
-    direction_of,
     level_irradiance,
     sky_illuminance,
     sky_map,
-    sun_position_deg,
 )
 from benchmarks.estate.rendering.renderer import Renderer
 from benchmarks.estate.rendering.variant import mitsuba
+from benchmarks.estate.sun import direction_of, sun_position_deg
 
-from si3fp.errors import InputError, MissingDependencyError
+from si3fp.errors import MissingDependencyError
 from si3fp.geometry.enu import GeoOrigin
 from si3fp.geometry.pinhole import Pinhole
 
@@ -255,32 +254,6 @@ class TestPictures:
         noisy = scene.render(camera, 4, 0, denoise=False).radiance
         clean = scene.render(camera, 4, 0).radiance
         assert np.std(clean - truth) < 0.5 * np.std(noisy - truth)
-
-
-def test_the_sun_at_gothenburg():
-    """Noon heights are 90 - 57.7 +- 23.44 degrees at the solstices (almanac: 2024-06-20, -12-21).
-
-    Local noon is 12 h UTC - 11.97 / 15 h - equation of time (-1.7 min and +2.0 min).
-    """
-    for date, equation_min, wanted in (("2024-06-20", -1.7, 55.74), ("2024-12-21", 2.0, 8.86)):
-        noon = 12 - 11.97 / 15 - equation_min / 60
-        azimuth_deg, elevation_deg = sun_position_deg(date, noon, GOTHENBURG)
-        assert elevation_deg == pytest.approx(wanted, abs=0.03)
-        assert azimuth_deg == pytest.approx(180, abs=0.5)
-
-
-def test_the_sun_at_the_equinox_rises_in_the_east_and_passes_overhead_at_the_equator():
-    """2024-03-20, 3:06 UTC; the equation of time is -7.4 min."""
-    equator = GeoOrigin(0.0, 0.0, 0.0)
-    noon = 12 + 7.4 / 60
-    assert sun_position_deg("2024-03-20", noon, equator)[1] == pytest.approx(90, abs=0.3)
-    azimuth_deg, elevation_deg = sun_position_deg("2024-03-20", noon - 6, equator)
-    assert (azimuth_deg, elevation_deg) == (pytest.approx(90, abs=0.2), pytest.approx(0, abs=0.2))
-
-
-def test_a_date_that_is_none_is_told():
-    with pytest.raises(InputError, match="2024-13-01"):
-        sun_position_deg("2024-13-01", 12.0, GOTHENBURG)
 
 
 def test_the_sky_gives_the_illuminance_of_its_cloud(mi):

@@ -7,15 +7,16 @@ import dataclasses
 import numpy as np
 import pytest
 import shapely
+from benchmarks.estate.drawing import rng_of
 from benchmarks.estate.parts import Parts
-from benchmarks.estate.plan import Car, Estate, Hedge, Light, Street, Tree, rng_of
+from benchmarks.estate.plan import Car, Estate, Hedge, Light, Street, Tree
 from benchmarks.estate.site import ground, surroundings
 from benchmarks.estate.site.car_shapes import CAR_SIZES_M, car_outline
 from benchmarks.estate.site.cars import car_parts
 from benchmarks.estate.site.foliage import hedge_parts, season_of
 from benchmarks.estate.site.layout import doors_of, layout_of
 from benchmarks.estate.site.neighbours import NeighbourPlace, plain_neighbour
-from benchmarks.estate.site.placing import is_free, obstacles, walk_rings, with_surroundings
+from benchmarks.estate.site.placing import obstacles, with_surroundings
 from benchmarks.estate.site.planting import Sight, _wall_samples
 from benchmarks.estate.site.trees import DETAILS, HABITS, prototype, tree_parts
 from shapely import LineString, Point, Polygon
@@ -96,40 +97,56 @@ def test_only_cars_stand_on_roads_and_they_leave_the_lane(estates: list[Estate])
 
 def test_panorama_lines_and_walks_stay_free(estates: list[Estate]) -> None:
     for estate in estates:
-        rings = walk_rings(estate)
-        assert len(rings) == 2
-        for lines, radius_m in ((estate.panorama_lines, 1.45), (rings, 1.0)):
-            for line in lines:
-                places = shapely.get_coordinates(shapely.segmentize(LineString(line), 0.5))
-                assert is_free(estate, places, radius_m).all()
+        taken = obstacles(estate)
+        for line in estate.panorama_lines:
+            assert LineString(line).distance(taken) > 1.45
+        for ring in walks_around(estate):
+            assert ring.distance(taken) > 1.0
 
 
-def test_is_free_knows_walls_cars_trunks_and_shrubs(estates: list[Estate]) -> None:
+def walks_around(estate: Estate) -> list[shapely.LinearRing]:
+    """The loops 8 and 17 m from the only target."""
+    outline = Polygon(estate.buildings[0].outline)
+    return [outline.buffer(away_m, quad_segs=4).exterior for away_m in (8.0, 17.0)]
+
+
+def test_walls_cars_trunks_and_shrubs_are_obstacles_and_crowns_are_none(
+    estates: list[Estate],
+) -> None:
     estate = estates[0]
+    taken = obstacles(estate)
     shrub = next(tree for tree in estate.trees if tree.kind == "shrub")
-    assert not is_free(estate, estate.buildings[0].outline.mean(axis=0))
-    assert not is_free(estate, estate.cars[0].place)
-    assert not is_free(estate, (shrub.place[0] + 0.4 * shrub.crown_m, shrub.place[1]), 0.0)
-    assert is_free(estate, [[0.0, 500.0], [500.0, 0.0]]).all()
-    assert obstacles(estate).area > estate.buildings[0].walls[0].width_m * 11.0 - 1
+    tree = max(estate.trees, key=lambda tree: tree.crown_m)
+    for inside in (
+        estate.buildings[0].outline.mean(axis=0),
+        estate.cars[0].place,
+        (shrub.place[0] + 0.4 * shrub.crown_m, shrub.place[1]),
+        tree.place,
+    ):
+        assert taken.contains(Point(inside))
+    alone = dataclasses.replace(
+        estate, buildings=(), neighbours=(), trees=(tree,), hedges=(), cars=(), lamps=()
+    )
+    assert obstacles(alone).area == pytest.approx(np.pi * 0.25**2, rel=0.02)
 
 
 def test_entrances_stay_free(estates: list[Estate]) -> None:
     for estate in estates:
         doors = [door for b in estate.buildings for door in doors_of(b)]
         assert doors
+        taken = obstacles(estate)
         for foot, outward, _ in doors:
-            ahead = foot + outward * np.linspace(1.0, 3.0, 5)[:, None]
-            assert is_free(estate, ahead, 0.8).all()
+            ahead = LineString([foot + outward, foot + 3.0 * outward])
+            assert ahead.distance(taken) > 0.8
 
 
 def test_crowns_leave_half_of_the_views_of_every_wall() -> None:
     estate = estate_with(3, 40.0, trees=2.0)
     points, outward = _wall_samples(estate.buildings)
     walls = Polygon(estate.buildings[0].outline).buffer(-0.05)
-    lines = (*estate.panorama_lines, *walk_rings(estate))
+    lines = [*(LineString(line) for line in estate.panorama_lines), *walks_around(estate)]
     places = np.concatenate(
-        [shapely.get_coordinates(shapely.segmentize(LineString(line), 4.0)) for line in lines]
+        [shapely.get_coordinates(shapely.segmentize(line, 4.0)) for line in lines]
     )
     crowns = shapely.union_all(
         [Point(t.place).buffer(t.crown_m * 0.44) for t in estate.trees if t.kind != "shrub"]

@@ -1,13 +1,11 @@
 """What stands where: an estate as plain data. Truth and meshes both come from it and nothing else.
 
 Lengths are metres in the run's ``world`` frame (east, north, up; ground at z = 0). Positions on a
-wall are metres from its lower left corner as seen from outside. Colours are sRGB in 0..1. Numbers
-are rounded to a millimetre where they are drawn, so a spec and a seed give one plan everywhere.
+wall are metres from its lower left corner as seen from outside. Colours are sRGB in 0..1.
 """
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from typing import Literal
 
@@ -23,17 +21,6 @@ OpeningKind = Literal["window", "balcony_door", "door"]
 FinishKind = Literal["brick", "plaster", "panel", "boards", "stone", "metal", "tiles"]
 BalconyKind = Literal["solid", "railing", "loggia", "french"]
 RoofKind = Literal["flat", "gable", "hip", "shed"]
-
-
-def rng_of(seed: int, *names: object) -> np.random.Generator:
-    """A generator of its own for every named thing: adding one thing leaves the others alone."""
-    text = "/".join([str(seed), *(str(name) for name in names)])
-    return np.random.default_rng(int.from_bytes(hashlib.sha256(text.encode()).digest()[:16], "big"))
-
-
-def millimetres(value: float) -> float:
-    """The length rounded to a millimetre."""
-    return round(float(value), 3)
 
 
 @dataclass(frozen=True)
@@ -292,8 +279,8 @@ class Light:
 class Estate:
     """A plan: buildings whose truth is known, everything around them, and the light.
 
-    ``panorama_line`` is where a mapping vehicle drives, on a street; panoramas show the sides of
-    the buildings that face it, and the others stay unseen, as on a real street.
+    ``panorama_lines`` are where a mapping vehicle drives, on streets; panoramas show the sides of
+    the buildings that face them, and the others stay unseen, as on a real street.
     """
 
     name: str

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from benchmarks.estate.plan import Building, Estate, Light, Street, millimetres, rng_of
+from benchmarks.estate.drawing import between, millimetres, pick, rng_of
+from benchmarks.estate.plan import Building, Estate, Street
 from benchmarks.estate.plans.bays import Levels, Point
 from benchmarks.estate.plans.buildings import (
     Slab,
@@ -20,8 +20,8 @@ from benchmarks.estate.plans.buildings import (
     slab_block,
     turned,
 )
-from benchmarks.estate.plans.fenestration import between, pick
-from benchmarks.estate.plans.sight import seen_shares
+from benchmarks.estate.plans.citygml import ingolstadt_estate
+from benchmarks.estate.plans.daylight import light_on
 from benchmarks.estate.site.placing import with_surroundings
 from shapely import MultiPolygon, Polygon
 
@@ -214,8 +214,6 @@ def estate_of(spec: str, seed: int, data: Path | None = None) -> Estate:
     file in the folder ``data`` (by default ``lod3-ingolstadt`` in that of ``SI3FP_TEST_DATA``).
     """
     if spec.startswith(SURVEYED):
-        from benchmarks.estate.plans.citygml import ingolstadt_estate  # noqa: PLC0415, builds on this module
-
         return ingolstadt_estate(spec.removeprefix(SURVEYED), seed, data)
     if spec not in _DRAFTS:
         raise InputError(
@@ -249,42 +247,3 @@ def estate_of(spec: str, seed: int, data: Path | None = None) -> Estate:
         reach_m=draft.reach_m,
         neighbour=neighbour_slab,
     )
-
-
-def light_on(
-    buildings: Sequence[Building],
-    driven: Sequence[Line],
-    origin: GeoOrigin,
-    rng: np.random.Generator,
-) -> Light:
-    """Date, hour and clouds: mostly dull, and where the sun shines it lights the walls seen."""
-    day, month = int(rng.integers(1, 29)), int(rng.integers(5, 10))
-    weather = rng.random()
-    low, high = (0.8, 1.0) if weather < 0.5 else (0.45, 0.7) if weather < 0.75 else (0.05, 0.3)
-    hours = np.arange(7.0, 14.51, 0.5)
-    sun = np.array([_sun_direction(month, day, float(hour), origin) for hour in hours])
-    lit = np.zeros(len(hours))
-    shares = seen_shares(buildings, driven)
-    for building in buildings:
-        for wall in building.walls:
-            outward = wall.world_from_facade.rotation[:2, 2]
-            lit += shares[wall.id] * wall.width_m * np.clip(sun @ outward, 0.0, 0.6)
-    good = hours[lit >= 0.75 * lit.max()]
-    return Light(
-        f"2024-{month:02d}-{day:02d}",
-        float(pick(rng, good)),
-        round(float(rng.uniform(low, high)), 2),
-    )
-
-
-def _sun_direction(month: int, day: int, hour_utc: float, origin: GeoOrigin) -> Point:
-    """East and north part of the unit vector to the sun; Cooper (1969) for the declination."""
-    day_of_year = 30.4 * (month - 1) + day
-    declination = np.deg2rad(23.45) * np.sin(2 * np.pi * (284 + day_of_year) / 365)
-    hour_angle = np.deg2rad(15.0 * (hour_utc - 12.0) + origin.lon_deg)
-    lat = np.deg2rad(origin.lat_deg)
-    east = -np.cos(declination) * np.sin(hour_angle)
-    north = np.cos(lat) * np.sin(declination) - np.sin(lat) * np.cos(declination) * np.cos(
-        hour_angle
-    )
-    return float(east), float(north)

@@ -6,7 +6,9 @@ import numpy as np
 import shapely
 from benchmarks.estate.capture.cameras import Equirect, Pose
 from benchmarks.estate.capture.truth import facade_id
-from benchmarks.estate.plan import Building, Estate, millimetres, rng_of
+from benchmarks.estate.drawing import millimetres, rng_of
+from benchmarks.estate.plan import Estate
+from benchmarks.estate.rays import distances_to_line
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from shapely import LineString, Polygon
@@ -108,7 +110,9 @@ def towards_buildings(estate: Estate, pose: Pose, width_px: int) -> NDArray[np.b
     low, high = np.full(AZIMUTHS, np.inf), np.full(AZIMUTHS, -np.inf)
     z_m = pose.place[2]
     for building in estate.buildings:
-        distance = _distances(np.array(pose.place[:2]), rays, building)
+        here = np.array(pose.place)
+        walls = [distances_to_line(here, rays, wall.start, wall.end) for wall in building.walls]
+        distance = np.min(walls, axis=0)
         hit = distance < RENDERED_REACH_M
         top_m = max(building.height_m, *(wall.height_m for wall in building.walls))
         top_m += building.roof.rise_m + building.roof.fascia_m
@@ -128,18 +132,3 @@ def towards_buildings(estate: Estate, pose: Pose, width_px: int) -> NDArray[np.b
     climb = np.arcsin(np.clip(direction[:, 2], -1, 1))
     seen = ((climb > low[index]) & (climb < high[index])).reshape(x.shape)
     return seen.repeat(step, axis=0).repeat(step, axis=1)
-
-
-def _distances(place: FloatArray, rays: FloatArray, building: Building) -> FloatArray:
-    """Distance (N,) from a place to the outline along unit rays (N, 2); inf where it is missed."""
-    nearest = np.full(len(rays), np.inf)
-    for wall in building.walls:
-        start = np.array(wall.start) - place
-        edge = np.array(wall.end) - np.array(wall.start)
-        across = rays[:, 0] * edge[1] - rays[:, 1] * edge[0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            distance = (start[0] * edge[1] - start[1] * edge[0]) / across
-            share = (start[0] * rays[:, 1] - start[1] * rays[:, 0]) / across
-        hit = (distance > 0) & (share >= 0) & (share <= 1)
-        nearest = np.where(hit, np.minimum(nearest, distance), nearest)
-    return nearest

@@ -16,9 +16,10 @@ from benchmarks.estate.capture.drive import towards_buildings
 from benchmarks.estate.capture.lens import photographed
 from benchmarks.estate.capture.truth import facade_grid, facades_of, seen_on
 from benchmarks.estate.capture.walk import lens_camera, photo_lens, positions
+from benchmarks.estate.drawing import rng_of
 from benchmarks.estate.meshes.building_meshes import building_parts
 from benchmarks.estate.parts import Parts
-from benchmarks.estate.plan import Building, Estate, rng_of
+from benchmarks.estate.plan import Building, Estate
 from benchmarks.estate.rendering.renderer import Renderer
 from benchmarks.estate.site.surroundings import surroundings_parts
 

@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 from benchmarks.estate.capture.cameras import Equirect, Pose
-from benchmarks.estate.plan import Estate, Tree, rng_of
+from benchmarks.estate.drawing import rng_of
+from benchmarks.estate.plan import Estate, Tree
+from benchmarks.estate.rays import distances_to_line
 from benchmarks.estate.site.car_shapes import CAR_SIZES_M, car_outline
 from numpy.typing import NDArray
 
@@ -82,7 +84,7 @@ def exact_planes(estate: Estate, pose: Pose) -> tuple[Planes, NDArray[np.int32]]
             if offset - inward @ place < 0.05:
                 continue  # its back is turned to the camera
             top_m = min(wall.height_m, building.height_m)
-            distance = _to_fence(place, rays, (wall.start, wall.end), top_m)
+            distance = _to_fence(place, rays, wall.start, wall.end, top_m)
             hit = distance < nearest
             nearest[hit] = distance[hit]
             index[hit] = np.where(distance[hit] < WALL_REACH_M, len(normals), -1)
@@ -101,19 +103,13 @@ def exact_planes(estate: Estate, pose: Pose) -> tuple[Planes, NDArray[np.int32]]
 
 
 def _to_fence(
-    place: FloatArray, rays: FloatArray, line: tuple[Any, Any], top_m: float
+    place: FloatArray, rays: FloatArray, start: Any, end: Any, top_m: float
 ) -> FloatArray:
     """Distance (N,) along rays to an upright rectangle on the ground; inf where it is missed."""
-    start, end = np.array(line[0], float), np.array(line[1], float)
-    edge = end - start
-    offset = start - place[:2]
-    across = rays[:, 0] * edge[1] - rays[:, 1] * edge[0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        distance = (offset[0] * edge[1] - offset[1] * edge[0]) / across
-        share = (offset[0] * rays[:, 1] - offset[1] * rays[:, 0]) / across
+    distance = distances_to_line(place, rays, start, end)
+    with np.errstate(invalid="ignore"):  # inf times 0: a level ray that misses
         height_m = place[2] + distance * rays[:, 2]
-    hit = (distance > 0) & (share >= 0) & (share <= 1) & (height_m >= 0) & (height_m <= top_m)
-    return np.where(hit, distance, np.inf)
+    return np.where((height_m >= 0) & (height_m <= top_m), distance, np.inf)
 
 
 def _others(estate: Estate, place: FloatArray, rays: FloatArray) -> list[FloatArray]:
@@ -121,12 +117,12 @@ def _others(estate: Estate, place: FloatArray, rays: FloatArray) -> list[FloatAr
     found = [_to_crown(place, rays, tree) for tree in estate.trees]
     for hedge in estate.hedges:
         for start, end in zip(hedge.line[:-1], hedge.line[1:], strict=True):
-            found.append(_to_fence(place, rays, (start, end), hedge.height_m))
+            found.append(_to_fence(place, rays, start, end, hedge.height_m))
     for car in estate.cars:
         corners = np.asarray(car_outline(car))[:, :2]
         for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
             if np.linalg.norm(end - start) > 0:
-                found.append(_to_fence(place, rays, (start, end), CAR_SIZES_M[car.kind][2]))
+                found.append(_to_fence(place, rays, start, end, CAR_SIZES_M[car.kind][2]))
     return found
 
 

@@ -10,7 +10,8 @@ import numpy as np
 import shapely
 from benchmarks.estate.capture.cameras import LensCamera, Pose
 from benchmarks.estate.capture.lens import Distortion
-from benchmarks.estate.plan import Building, Estate, millimetres, rng_of
+from benchmarks.estate.drawing import millimetres, rng_of
+from benchmarks.estate.plan import Building, Estate
 from benchmarks.estate.site.placing import obstacles
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d

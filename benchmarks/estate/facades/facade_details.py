@@ -10,12 +10,13 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
+from benchmarks.estate.drawing import rng_of
 from benchmarks.estate.facades.styles_draft import Extra
 from benchmarks.estate.meshes.solids import band, box, boxes, plane, prism, quad
 from benchmarks.estate.meshes.wall_meshes import ornament_parts
 from benchmarks.estate.painting.house_materials import matt, paint
 from benchmarks.estate.parts import Material, Mesh, Parts
-from benchmarks.estate.plan import Ornament, Rgb, rng_of
+from benchmarks.estate.plan import Ornament, Rgb
 from shapely.geometry import Point, Polygon
 from shapely.geometry import box as rectangle
 

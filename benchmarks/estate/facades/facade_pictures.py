@@ -10,14 +10,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from benchmarks.estate.capture.lens import photographed
+from benchmarks.estate.drawing import rng_of
 from benchmarks.estate.facades.facade_camera import FacadeCamera
 from benchmarks.estate.facades.facade_labels import Label, labels_of
 from benchmarks.estate.facades.facade_scene import Before, facade_parts, in_world
 from benchmarks.estate.facades.styles import facade_plan
 from benchmarks.estate.facades.styles_draft import FacadePlan, choose
-from benchmarks.estate.plan import Car, Light, Rgb, rng_of
-from benchmarks.estate.rendering.light import sky_map, sun_position_deg
+from benchmarks.estate.plan import Car, Light, Rgb
+from benchmarks.estate.rendering.light import sky_map
 from benchmarks.estate.rendering.renderer import Renderer, mitsuba
+from benchmarks.estate.sun import sun_position_deg
 from numpy.typing import NDArray
 
 from si3fp.geometry.enu import GeoOrigin

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from benchmarks.estate.drawing import rng_of
 from benchmarks.estate.facades.facade_details import extra_parts, masonry_parts, stucco
 from benchmarks.estate.facades.styles_draft import FacadePlan
 from benchmarks.estate.meshes.balcony_meshes import balcony_parts, front_kind_of
@@ -15,7 +16,7 @@ from benchmarks.estate.meshes.wall_meshes import loggia_of, skin_parts
 from benchmarks.estate.painting.house_materials import fixed, paint
 from benchmarks.estate.painting.wall_painting import paint_wall
 from benchmarks.estate.parts import Material, Mesh, Parts, joined
-from benchmarks.estate.plan import Car, Rgb, Tree, Wall, rng_of
+from benchmarks.estate.plan import Car, Rgb, Tree, Wall
 from benchmarks.estate.site.cars import car_parts
 from benchmarks.estate.site.trees import tree_parts
 from shapely.geometry import box as rectangle

@@ -13,8 +13,8 @@ from typing import Any
 
 import click
 from benchmarks.estate.capture.picture_files import write_json, written_whole
+from benchmarks.estate.drawing import rng_of
 from benchmarks.estate.facades.facade_labels import CATEGORIES
-from benchmarks.estate.plan import rng_of
 from PIL import Image
 
 from si3fp.errors import Si3fpError

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from benchmarks.estate.drawing import rng_of
 from benchmarks.estate.facades.styles_blocks import panel_block, roller_block
 from benchmarks.estate.facades.styles_brick import canal_house, terrace, walk_up, works
 from benchmarks.estate.facades.styles_draft import FacadePlan
@@ -18,7 +19,6 @@ from benchmarks.estate.facades.styles_north import functionalist, slab
 from benchmarks.estate.facades.styles_south import concrete_frame, mediterranean, tower
 from benchmarks.estate.facades.styles_stone import gruenderzeit, haussmann
 from benchmarks.estate.facades.styles_wood import clapboard, timber
-from benchmarks.estate.plan import rng_of
 
 Style = Callable[[np.random.Generator, float, float], FacadePlan]
 

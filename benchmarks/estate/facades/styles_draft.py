@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from benchmarks.estate.drawing import millimetres
 from benchmarks.estate.plan import (
     Balcony,
     BalconyKind,
@@ -18,7 +19,6 @@ from benchmarks.estate.plan import (
     Rgb,
     Wall,
     WindowStyle,
-    millimetres,
 )
 
 Box = tuple[float, float, float, float]

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from benchmarks.estate.drawing import millimetres
 from benchmarks.estate.facades.styles_draft import FacadePlan, choose
-from benchmarks.estate.plan import Balcony, Opening, Ornament, Wall, millimetres
+from benchmarks.estate.plan import Balcony, Opening, Ornament, Wall
 from benchmarks.estate.plans.buildings import b1, b2, b3, point_block
 
 _LEAST_SHARE = 0.5  # of a cut band or plinth course that is worth keeping

@@ -18,7 +18,6 @@ from benchmarks.estate.plan import Balcony, Rgb
 FrontKind = Literal["concrete", "sheet", "board"]
 _BAR_EVERY_M = 0.11
 _POST_EVERY_M = 1.3
-_RAIL_M = 0.045
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,9 @@
-"""A building or one wall as meshes: skin, openings, rooms behind them, balconies, roof."""
+"""A building as meshes: skin, openings, rooms behind them, balconies, roof."""
 
 from __future__ import annotations
 
 import numpy as np
+from benchmarks.estate.drawing import rng_of
 from benchmarks.estate.meshes.balcony_meshes import balcony_parts, front_kind_of
 from benchmarks.estate.meshes.opening_meshes import Joinery, filling_parts, trim_parts
 from benchmarks.estate.meshes.roof_meshes import roof_parts
@@ -13,14 +14,12 @@ from benchmarks.estate.meshes.wall_meshes import ornament_parts, skin_parts
 from benchmarks.estate.painting.house_materials import matt
 from benchmarks.estate.painting.wall_painting import paint_wall
 from benchmarks.estate.parts import Material, Parts, joined
-from benchmarks.estate.plan import Building, Wall, rng_of
+from benchmarks.estate.plan import Building, Wall
 from shapely import LineString, Polygon, affinity
-from shapely.geometry import box as rectangle
 from shapely.ops import unary_union
 
 INNER_SKIN_M = 0.02  # rooms keep this far from the inside of any wall
 OTHER_WALLS_M = 0.45  # and this far from the other walls, whose frames lie up to 0.3 m behind them
-ALONE_DEPTH_M = 6.0
 
 
 def building_parts(building: Building, seed: int, *, m_per_texel: float = 0.01) -> Parts:
@@ -42,16 +41,6 @@ def building_parts(building: Building, seed: int, *, m_per_texel: float = 0.01) 
     parts.meshes.append(plane(matt(parts, (0.2, 0.2, 0.2)), plan, -0.02))
     parts.meshes = joined(parts.meshes)
     return parts
-
-
-def wall_parts(wall: Wall, seed: int, *, m_per_texel: float = 0.01) -> Parts:
-    """All meshes of a wall that stands alone, in the world, one per material.
-
-    Nothing closes it above, at its sides and behind but the rooms of its openings.
-    """
-    free = rectangle(-3.0, INNER_SKIN_M, wall.width_m + 3.0, ALONE_DEPTH_M)
-    own = affinity.affine_transform(_loggias(wall), _to_wall(wall))
-    return _wall(wall, wall.id, seed, free.difference(own), m_per_texel)
 
 
 def _loggias(wall: Wall, behind_m: float = 0.0) -> Polygon:

@@ -7,6 +7,7 @@ from typing import Literal
 
 import cv2
 import numpy as np
+from benchmarks.estate.painting.bitumen import bitumen_repairs, paint_traffic
 from benchmarks.estate.painting.noise import Field
 from benchmarks.estate.painting.sheet import Sheet, smooth
 from benchmarks.estate.plan import Rgb
@@ -69,7 +70,7 @@ def paint_ground(
         for index, kind in enumerate(KINDS)
         if (labels == index).any()
     }
-    repairs = _repairs(labels, m_per_texel, along_deg, rng)
+    repairs = bitumen_repairs(_area("asphalt", labels), m_per_texel, along_deg, rng)
     edges = _ragged(labels, m_per_texel, rng)
     picture = np.empty((height, width, 3), np.uint8)
     for top in range(0, height, _BAND_PX):
@@ -170,7 +171,7 @@ def _skin(
             )
         case _:
             light += np.float32(0.03) * sheet.clouds((5.0, 5.0), 5, rng)
-            _drive(light, warm, near_m, sheet, kind, rng)
+            paint_traffic(light, warm, near_m, sheet, kind == "parking", rng)
             fine = np.float32(0.05) * tile.grain(rng) + np.float32(0.02) * tile.clouds(0.1, 1, rng)
             fine -= np.float32(0.18) * tile.specks(0.7, 0.03, rng)
             if kind == "marking":
@@ -180,31 +181,6 @@ def _skin(
     for band, turn in enumerate((1.0, 0.0, -0.2)):
         colour[..., band] = light * np.float32(COLOURS[kind][band]) + np.float32(turn) * warm
     return _Skin(colour, 1 + fade * fine)
-
-
-def _drive(
-    light: Field,
-    warm: Field,
-    near_m: Field,
-    sheet: Sheet,
-    kind: GroundKind,
-    rng: np.random.Generator,
-) -> None:
-    """Paint what traffic leaves: dirt at the edge, paler wheel tracks, oil where cars stand."""
-    gutter = np.exp(-near_m / np.float32(0.25)) * np.clip(
-        0.8 + 0.5 * sheet.clouds(1.5, 3, rng), 0.0, 1.6
-    )
-    light -= np.float32(0.10) * gutter
-    warm += np.float32(0.012) * gutter
-    if kind == "parking":
-        light -= np.float32(0.22) * smooth(0.15, 0.9, sheet.specks(0.06, 0.20, rng))
-        return
-    uneven = np.clip(0.7 + 0.4 * sheet.clouds(4.0, 3, rng), 0.0, 1.4)
-    for place_m in (1.1, 2.7):
-        track = np.exp(-(((near_m - np.float32(place_m)) / np.float32(0.30)) ** 2))
-        light += np.float32(0.035) * track * uneven
-    middle = np.exp(-(((near_m - np.float32(1.9)) / np.float32(0.25)) ** 2))
-    light -= np.float32(0.035) * middle * uneven
 
 
 def _slabs(
@@ -256,49 +232,3 @@ def _ragged(
         other = labels[y, x]
         found[down] = np.where(soft[other], other, labels[down])
     return found
-
-
-def _repairs(
-    labels: NDArray[np.uint8], m_per_texel: float, along_deg: float, rng: np.random.Generator
-) -> NDArray[np.int8]:
-    """Change of brightness (H, W) in 1/255 where bitumen was cut, filled, sealed or cracked."""
-    marks = np.zeros(labels.shape, np.int8)
-    bitumen = _area("asphalt", labels)
-    flat = np.flatnonzero(bitumen)
-    if len(flat) == 0 or m_per_texel > 0.1:
-        return marks
-    area_m2 = len(flat) * m_per_texel**2
-    bearing = np.radians(along_deg)
-    along = np.array([np.sin(bearing), -np.cos(bearing)])  # columns, rows
-    aside = np.array([along[1], -along[0]])
-
-    def start() -> NDArray[np.float64]:
-        place = int(flat[int(rng.integers(len(flat)))])
-        return np.array([place % labels.shape[1], place // labels.shape[1]], np.float64)
-
-    for _ in range(int(rng.poisson(area_m2 / 90.0))):
-        half = np.array([rng.uniform(0.3, 2.5), rng.uniform(0.2, 0.8)]) / m_per_texel
-        box = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
-        corners = start() + box[:, :1] * along + box[:, 1:] * aside
-        tone = int(rng.choice([-1, 1], p=[0.7, 0.3]) * rng.integers(8, 30))
-        ring = [np.round(corners * 16).astype(np.int32)]
-        wide = marks.view(np.uint8)
-        cv2.fillPoly(wide, ring, tone % 256, cv2.LINE_8, 4)
-        cv2.polylines(wide, ring, True, (-38) % 256, 1, cv2.LINE_8, 4)
-    for _ in range(int(rng.poisson(area_m2 / 35.0))):
-        turn = rng.uniform(-0.25, 0.25) + (np.pi / 2 if rng.random() < 0.4 else 0.0)
-        steps = int(rng.integers(8, 60))
-        angles = turn + rng.uniform(-0.6, 0.6, steps)
-        moves = np.cos(angles)[:, None] * along + np.sin(angles)[:, None] * aside
-        points = start() + np.cumsum(moves * 0.12 / m_per_texel, axis=0)
-        sealed = rng.random() < 0.3
-        line = [np.round(points * 16).astype(np.int32)]
-        tone, thick = (-62, max(1, round(0.05 / m_per_texel))) if sealed else (-42, 1)
-        cv2.polylines(marks.view(np.uint8), line, False, tone % 256, thick, cv2.LINE_8, 4)
-    for _ in range(int(rng.poisson(area_m2 / 260.0))):
-        centre = tuple(int(v) for v in np.round(start()))
-        radius = max(2, round(0.31 / m_per_texel))
-        cv2.circle(marks.view(np.uint8), centre, radius, (-70) % 256, -1)
-        cv2.circle(marks.view(np.uint8), centre, radius, (-20) % 256, 1)
-    marks[~bitumen] = 0
-    return marks

@@ -1,36 +1,23 @@
-"""Materials by name: the fixed ones of the estate, and paint and cloth of any colour.
+"""Materials by name: the fixed ones of the estate, and paint of any colour.
 
-Textures cover ``TILE_M`` x ``TILE_M`` metres and repeat without seams. Each is painted when it is
-first asked for and kept, so that importing costs nothing.
+Textures cover ``textures.TILE_M`` metres square and repeat without seams. Each is painted when it
+is first asked for and kept, so that importing costs nothing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from functools import cache
 
 from benchmarks.estate.painting import textures
-from benchmarks.estate.painting.textures import TILE_M, Painter, tile
+from benchmarks.estate.painting.textures import Painter, tile
 from benchmarks.estate.parts import Material, MaterialKind
 from benchmarks.estate.plan import Rgb
-
-__all__ = ["FIXED", "TILE_M", "fabric", "painted"]
 
 
 def painted(rgb: Rgb, roughness: float = 0.25) -> tuple[str, Material]:
     """Name and material of a painted surface: coloured, with a coat of that roughness."""
     name = f"painted-{_hex(rgb)}-{round(100 * roughness):02d}"
     return name, Material("plastic", rgb, None, roughness)
-
-
-def fabric(rgb: Rgb) -> tuple[str, Material]:
-    """Name and material of hanging cloth with soft upright folds."""
-    return f"fabric-{_hex(rgb)}", _cloth(rgb)
-
-
-@cache
-def _cloth(rgb: Rgb) -> Material:
-    return Material("diffuse", rgb, tile("cloth", rgb, textures.cloth))
 
 
 def _hex(rgb: Rgb) -> str:

@@ -6,9 +6,10 @@ from collections.abc import Callable
 
 import cv2
 import numpy as np
+from benchmarks.estate.drawing import rng_of
 from benchmarks.estate.painting.noise import Field
 from benchmarks.estate.painting.sheet import Sheet, covered, smooth
-from benchmarks.estate.plan import Rgb, rng_of
+from benchmarks.estate.plan import Rgb
 from numpy.typing import NDArray
 
 TILE_M = 2.0  # what a texture covers, both ways

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from benchmarks.estate.plan import millimetres
+from benchmarks.estate.drawing import millimetres
 from benchmarks.estate.plans.fenestration import Use
 
 Point = tuple[float, float]

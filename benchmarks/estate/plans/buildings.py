@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from benchmarks.estate.plan import BalconyKind, Building, FinishKind, millimetres, rng_of
+from benchmarks.estate.drawing import between, millimetres, pick, rng_of
+from benchmarks.estate.plan import BalconyKind, Building, FinishKind
 from benchmarks.estate.plans.bays import Bay, Levels, Point, Side, bays_of
-from benchmarks.estate.plans.fenestration import between, pick
 from benchmarks.estate.plans.looks import Look, look_of
 from benchmarks.estate.plans.wall_plans import wall_of
 from benchmarks.estate.site.neighbours import NeighbourPlace

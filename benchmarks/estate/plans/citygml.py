@@ -13,14 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from benchmarks.estate.drawing import millimetres, rng_of
 from benchmarks.estate.plan import (
     Building,
     Estate,
     Roof,
     Street,
     Wall,
-    millimetres,
-    rng_of,
 )
 from benchmarks.estate.plans.citygml_dress import Look, drawn_look, finished_opening, wall_extras
 from benchmarks.estate.plans.citygml_file import SurveyedBuilding, read_city_file
@@ -33,8 +32,8 @@ from benchmarks.estate.plans.citygml_walls import (
     placed,
     walls_of,
 )
+from benchmarks.estate.plans.daylight import light_on
 from benchmarks.estate.site.placing import with_surroundings
-from benchmarks.estate.specs import light_on
 
 from si3fp.errors import InputError
 from si3fp.geometry.enu import GeoOrigin
@@ -76,11 +75,6 @@ class Reading:
     gone: Mapping[str, int]
     flattened: int
     recess_measured: int
-
-
-def buildings_from_citygml(path: Path, seed: int = 1) -> tuple[Building, ...]:
-    """The buildings of a CityGML file as plans; see `read_citygml` for what was left out."""
-    return read_citygml(path, seed).buildings
 
 
 def read_citygml(path: Path, seed: int = 1) -> Reading:

@@ -6,16 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from benchmarks.estate.plan import (
-    Behind,
-    Finish,
-    Opening,
-    OpeningKind,
-    Ornament,
-    Rgb,
-    WindowStyle,
-    millimetres,
-)
+from benchmarks.estate.drawing import millimetres, pick
+from benchmarks.estate.plan import Behind, Finish, Opening, OpeningKind, Ornament, Rgb, WindowStyle
 from benchmarks.estate.plans.citygml_walls import FoundOpening
 
 PLASTERS: tuple[Rgb, ...] = (
@@ -61,11 +53,8 @@ class Look:
 def drawn_look(rng: np.random.Generator, openings: Sequence[FoundOpening]) -> Look:
     """A look for a building; bands and shutters only where they leave the openings free."""
 
-    def pick(options: Sequence[Rgb]) -> Rgb:
-        return options[int(rng.integers(len(options)))]
-
     kind = rng.choice(["plaster", "brick", "stone"], p=[0.84, 0.1, 0.06])
-    rgb = pick({"plaster": PLASTERS, "brick": BRICKS, "stone": STONES}[str(kind)])
+    rgb = pick(rng, {"plaster": PLASTERS, "brick": BRICKS, "stone": STONES}[str(kind)])
     shade = rng.uniform(0.94, 1.04)
     tuned = tuple(round(float(min(value * shade, 1.0)), 3) for value in rgb)
     lowest = min((o.y_m for o in openings if o.kind == "window"), default=1.0)
@@ -77,7 +66,7 @@ def drawn_look(rng: np.random.Generator, openings: Sequence[FoundOpening]) -> Lo
         year=int(rng.integers(1880, 1990)),
         plinth_m=millimetres(plinth) if plinth < lowest - 0.05 else 0.0,
         plinth_rgb=(0.42, 0.40, 0.38),
-        roof_rgb=pick(TILES),
+        roof_rgb=pick(rng, TILES),
         frame_rgb=FRAMES[int(rng.choice(3, p=[0.72, 0.2, 0.08]))],
         frame_m=millimetres(rng.uniform(0.07, 0.11)),
         bars=((1, 1), (1, 2), (1, 3))[int(rng.choice(3, p=[0.7, 0.15, 0.15]))],

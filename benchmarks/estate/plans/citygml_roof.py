@@ -6,7 +6,8 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
-from benchmarks.estate.plan import Roof, millimetres
+from benchmarks.estate.drawing import millimetres
+from benchmarks.estate.plan import Roof
 from benchmarks.estate.plans.citygml_walls import MARGIN_M, FoundOpening, FoundWall
 from numpy.typing import NDArray
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeVar
+from typing import Literal
 
 import numpy as np
-from benchmarks.estate.plan import Behind, FinishKind, Opening, Rgb, WindowStyle, millimetres
+from benchmarks.estate.drawing import between, millimetres, pick
+from benchmarks.estate.plan import Behind, FinishKind, Opening, Rgb, WindowStyle
 
 Use = Literal["bed", "kitchen", "living", "bath", "balcony", "stair", "store", "blank"]
-T = TypeVar("T")
 
 WHITE, CREAM, BROWN, GREEN, GREY, RED = (
     (0.87, 0.87, 0.84),
@@ -41,17 +40,6 @@ RECESSES_M: dict[FinishKind, tuple[float, float]] = {
     "stone": (0.10, 0.20),
 }
 THRESHOLD_M = 0.08
-
-
-def pick(rng: np.random.Generator, choices: Sequence[T]) -> T:
-    """One of them, all equally likely."""
-    return choices[int(rng.integers(len(choices)))]
-
-
-def between(rng: np.random.Generator, low: float, high: float, step: float = 0.05) -> float:
-    """A length between two, on steps of the trade's grid."""
-    steps = round((high - low) / step)
-    return millimetres(low + step * int(rng.integers(steps + 1)))
 
 
 @dataclass(frozen=True)

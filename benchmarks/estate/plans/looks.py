@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from benchmarks.estate.plan import BalconyKind, Finish, FinishKind, Rgb, Roof, millimetres
-from benchmarks.estate.plans.fenestration import WindowSet, between, pick, window_set
+from benchmarks.estate.drawing import between, millimetres, pick
+from benchmarks.estate.plan import BalconyKind, Finish, FinishKind, Rgb, Roof
+from benchmarks.estate.plans.fenestration import WindowSet, window_set
 
 BRICKS: tuple[tuple[Rgb, Rgb], ...] = (  # bricks, mortar
     ((0.73, 0.60, 0.40), (0.66, 0.62, 0.55)),  # yellow

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
-from benchmarks.estate.plan import Balcony, Opening, Ornament, Rgb, millimetres
+from benchmarks.estate.drawing import millimetres
+from benchmarks.estate.plan import Balcony, Opening, Ornament, Rgb
 from benchmarks.estate.plans.bays import Levels, Side
 from benchmarks.estate.plans.looks import Look
 

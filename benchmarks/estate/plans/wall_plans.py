@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from benchmarks.estate.plan import (
-    Balcony,
-    Opening,
-    Wall,
-    millimetres,
-    rng_of,
-)
+from benchmarks.estate.drawing import millimetres, rng_of
+from benchmarks.estate.plan import Balcony, Opening, Wall
 from benchmarks.estate.plans.bays import Bay, Levels, Point, Side
 from benchmarks.estate.plans.fenestration import (
     WindowType,

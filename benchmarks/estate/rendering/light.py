@@ -3,8 +3,6 @@
 A radiance of 1 in the pictures stands for 100 000 lm / (m2 sr): the sun gives about 1 on a plane
 that faces it, a white wall in it has about 0.3.
 
-Michalsky, J. (1988). The Astronomical Almanac's algorithm for approximate solar position. Solar
-Energy 40.
 Gillette, G., Pierpoint, W. (1982). A general illuminance model for daylight availability (the sky
 conditions of the IES handbook).
 """
@@ -12,12 +10,13 @@ conditions of the IES handbook).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import datetime
 from typing import Any
 
 import numpy as np
-from benchmarks.estate.plan import Light, rng_of
+from benchmarks.estate.drawing import rng_of
+from benchmarks.estate.plan import Light
 from benchmarks.estate.rendering.clouds import overcast_texture, sky_with_clouds
+from benchmarks.estate.sun import direction_of, sun_position_deg
 from numpy.typing import NDArray
 
 from si3fp.errors import InputError
@@ -55,43 +54,6 @@ class SkyMap:
     sun_direction: FloatArray
     sun_rgb: FloatArray
     sun_radius_deg: float = 0.27
-
-
-def sun_position_deg(date: str, hour_utc: float, origin: GeoOrigin) -> tuple[float, float]:
-    """Azimuth (clockwise from north) and elevation of the sun, good to 0.02 degrees.
-
-    ``date`` is ISO, as in 2024-06-12.
-    """
-    try:
-        day = datetime.fromisoformat(date)
-    except ValueError as error:
-        raise InputError(
-            f"The light's date {date!r} is no date; write it as 2024-06-12."
-        ) from error
-    days = (day - datetime(2000, 1, 1, 12)).total_seconds() / 86400 + hour_utc / 24
-    mean_longitude = 280.460 + 0.9856474 * days
-    anomaly = np.deg2rad(357.528 + 0.9856003 * days)
-    longitude = np.deg2rad(mean_longitude + 1.915 * np.sin(anomaly) + 0.020 * np.sin(2 * anomaly))
-    tilt = np.deg2rad(23.439 - 4e-7 * days)
-    ascension = np.arctan2(np.cos(tilt) * np.sin(longitude), np.cos(longitude))
-    declination = np.arcsin(np.sin(tilt) * np.sin(longitude))
-    # The almanac's sidereal time is that of midnight plus the hour; both are in `days`.
-    sidereal_deg = 15 * (18.697374558 + 24.06570982441908 * days) + origin.lon_deg
-    hour_angle = np.deg2rad(sidereal_deg) - ascension
-    latitude = np.deg2rad(origin.lat_deg)
-    east = -np.cos(declination) * np.sin(hour_angle)
-    north = np.sin(declination) * np.cos(latitude)
-    north -= np.cos(declination) * np.cos(hour_angle) * np.sin(latitude)
-    up = np.sin(declination) * np.sin(latitude)
-    up += np.cos(declination) * np.cos(hour_angle) * np.cos(latitude)
-    return float(np.rad2deg(np.arctan2(east, north)) % 360), float(np.rad2deg(np.arcsin(up)))
-
-
-def direction_of(azimuth_deg: float, elevation_deg: float) -> FloatArray:
-    """(3,) unit vector in the world, east, north, up."""
-    azimuth, elevation = np.deg2rad([azimuth_deg, elevation_deg])
-    level = np.cos(elevation)
-    return np.array([level * np.sin(azimuth), level * np.cos(azimuth), np.sin(elevation)])
 
 
 def sky_map(mi: Any, light: Light, origin: GeoOrigin, height_px: int = 1024) -> SkyMap:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from benchmarks.estate.drawing import rng_of
 from benchmarks.estate.parts import Material
-from benchmarks.estate.plan import FloatArray, rng_of
+from benchmarks.estate.plan import FloatArray
 from scipy.ndimage import gaussian_filter
 
 SIZE_PX = 256

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from benchmarks.estate.drawing import rng_of
 from benchmarks.estate.meshes.solids import ball, box, quad
 from benchmarks.estate.parts import Material, Mesh, Parts, joined
-from benchmarks.estate.plan import Car, FloatArray, rng_of
+from benchmarks.estate.plan import Car, FloatArray
 from benchmarks.estate.site.car_shapes import CAR_SIZES_M, SHAPES, Shape, axes_of
 from benchmarks.estate.site.wheels import TYRE_RADIUS_M, wheel_meshes
 from numpy.typing import NDArray

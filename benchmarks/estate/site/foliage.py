@@ -7,8 +7,9 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
+from benchmarks.estate.drawing import rng_of
 from benchmarks.estate.parts import Material, Mesh, Parts
-from benchmarks.estate.plan import FloatArray, Hedge, Rgb, rng_of
+from benchmarks.estate.plan import FloatArray, Hedge, Rgb
 
 Season = Literal["spring", "summer", "autumn", "bare"]
 PALETTE = 16

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import shapely
+from benchmarks.estate.drawing import rng_of
 from benchmarks.estate.parts import Mesh, Parts
-from benchmarks.estate.plan import Estate, FloatArray, rng_of
+from benchmarks.estate.plan import Estate, FloatArray
 from benchmarks.estate.site.foliage import leaf_material, palette_uv, season_of
 from benchmarks.estate.site.layout import Layout
 from shapely import LineString, Point, Polygon

@@ -5,10 +5,11 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import shapely
+from benchmarks.estate.drawing import rng_of
 from benchmarks.estate.meshes.solids import plane, prism
 from benchmarks.estate.painting.ground_painting import paint_ground
 from benchmarks.estate.parts import Material, Mesh, Parts
-from benchmarks.estate.plan import Estate, FloatArray, rng_of
+from benchmarks.estate.plan import Estate, FloatArray
 from benchmarks.estate.site.foliage import season_of
 from benchmarks.estate.site.layout import KERB_M, Layout, layout_of
 from benchmarks.estate.site.neighbours import main_bearing_deg

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from benchmarks.estate.drawing import millimetres, rng_of
 from benchmarks.estate.plan import (
     Behind,
     Building,
@@ -18,8 +19,6 @@ from benchmarks.estate.plan import (
     Street,
     Wall,
     WindowStyle,
-    millimetres,
-    rng_of,
 )
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry

@@ -10,18 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from benchmarks.estate.plan import (
-    Building,
-    Car,
-    Estate,
-    FloatArray,
-    Lamp,
-    Light,
-    Rgb,
-    Street,
-    millimetres,
-    rng_of,
-)
+from benchmarks.estate.drawing import millimetres, rng_of
+from benchmarks.estate.plan import Building, Car, Estate, FloatArray, Lamp, Light, Rgb, Street
 from benchmarks.estate.site.car_shapes import CAR_SIZES_M, car_outline
 from benchmarks.estate.site.layout import doors_of, layout_of
 from benchmarks.estate.site.neighbours import (
@@ -31,7 +21,6 @@ from benchmarks.estate.site.neighbours import (
     plain_neighbour,
 )
 from benchmarks.estate.site.planting import planted
-from numpy.typing import ArrayLike, NDArray
 from shapely import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -134,22 +123,11 @@ def with_surroundings(
     )
 
 
-def walk_rings(estate: Estate) -> tuple[Line, ...]:
-    """Closed lines, two around every target, about 8 and 17 m from its walls, that stay free."""
-    return _rings_of(estate.buildings)
-
-
-def is_free(estate: Estate, places: ArrayLike, radius_m: float = 0.6) -> NDArray[np.bool_]:
-    """Whether a person of a radius can stand at places (..., 2): nothing built or grown is there.
+def obstacles(estate: Estate) -> BaseGeometry:
+    """The area that is taken where a person walks, in world metres.
 
     Walls, trunks, shrubs, hedges, cars and lamps count; crowns above head height do not.
     """
-    points: FloatArray = np.asarray(places, np.float64)
-    return ~shapely.dwithin(obstacles(estate), shapely.points(points), radius_m)
-
-
-def obstacles(estate: Estate) -> BaseGeometry:
-    """The area that is taken at head height, in world metres."""
     return shapely.union_all(
         [
             *(Polygon(building.outline) for building in (*estate.buildings, *estate.neighbours)),

@@ -6,15 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from benchmarks.estate.plan import (
-    Building,
-    FloatArray,
-    Hedge,
-    Street,
-    Tree,
-    millimetres,
-    rng_of,
-)
+from benchmarks.estate.drawing import millimetres, rng_of
+from benchmarks.estate.plan import Building, FloatArray, Hedge, Street, Tree
 from benchmarks.estate.site.layout import doors_of
 from numpy.typing import NDArray
 from shapely import LineString, Point, Polygon

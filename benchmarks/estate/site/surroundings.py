@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import shapely
+from benchmarks.estate.drawing import millimetres, rng_of
 from benchmarks.estate.meshes.building_meshes import building_parts
 from benchmarks.estate.meshes.solids import cylinder
 from benchmarks.estate.parts import Material, Parts, joined
-from benchmarks.estate.plan import Building, Estate, Tree, Wall, millimetres, rng_of
+from benchmarks.estate.plan import Building, Estate, Tree, Wall
 from benchmarks.estate.site.cars import car_parts
 from benchmarks.estate.site.foliage import hedge_parts, season_of
 from benchmarks.estate.site.grass import grass_parts

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from benchmarks.estate.drawing import rng_of
 from benchmarks.estate.parts import Material, Mesh, Parts, joined
-from benchmarks.estate.plan import FloatArray, Tree, rng_of
+from benchmarks.estate.plan import FloatArray, Tree
 from benchmarks.estate.site.bark import bark_materials
 from benchmarks.estate.site.branches import Branches, children, grown, point_at, thinned, tubes
 from benchmarks.estate.site.foliage import Season, leaf_material, leaves, needles
