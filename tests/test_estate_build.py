@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
@@ -30,6 +32,7 @@ from benchmarks.estate.plan import (
     Wall,
     WindowStyle,
 )
+from benchmarks.estate.record import code_sha256
 from benchmarks.estate.rendering import renderer
 from benchmarks.estate.rendering.light import sky_map
 
@@ -168,11 +171,107 @@ def test_a_second_call_makes_what_is_gone_and_nothing_else(built: Path) -> None:
     assert not list(built.rglob(".*"))
 
 
+@pytest.fixture(scope="module")
+def flown(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same set, for which a drone was asked later."""
+    folder = tmp_path_factory.mktemp("flown") / "tiny"
+    shutil.copytree(built, folder)
+    build(an_estate(), folder, TINY, drone=True)
+    return folder
+
+
+def test_a_drone_comes_later_and_its_photos_stay(built: Path, flown: Path) -> None:
+    def poses_and_files() -> tuple[dict, dict[Path, int]]:
+        poses = json.loads((flown / "truth/poses.json").read_text())["poses"]
+        return poses, {path: path.stat().st_mtime_ns for path in pictures_in(flown)}
+
+    before, after = (json.loads((f / "estate.json").read_text())["counts"] for f in (built, flown))
+    assert (before["photos"], before["drone"]) == (PHOTOS, 0)
+    assert (after["photos"], after["drone"]) == (PHOTOS, 2)
+    new = {path.relative_to(flown) for path in pictures_in(flown)}
+    new -= {path.relative_to(built) for path in pictures_in(built)}
+    flight = {"drone-000", "drone-001"}
+    assert {path.stem for path in new if path.parts[0] == "photos"} == flight
+    assert {path.parts[2] for path in new if path.parts[0] == "truth"} == flight
+    made = poses_and_files()
+    assert {f"{name}.jpg" for name in flight} < set(made[0])
+    said: list[str] = []
+    build(an_estate(), flown, TINY, say=said.append)
+    assert poses_and_files() == made
+    assert len(said) == 1 and "there already" in said[0]
+
+
+def pictures_in(folder: Path) -> list[Path]:
+    return [path for path in folder.rglob("*") if path.suffix in (".jpg", ".png", ".npy")]
+
+
+def test_equal_plans_give_equal_files(flown: Path, tmp_path: Path) -> None:
+    """Every byte, in one go or in two; what is drawn from global randomness is not drawn again."""
+    again = tmp_path / "again"
+    build(an_estate(), again, TINY, drone=True)
+    names = {path.relative_to(flown) for path in flown.rglob("*") if path.is_file()}
+    assert names == {path.relative_to(again) for path in again.rglob("*") if path.is_file()}
+    assert len(names) > 40
+    record = Path("estate.json")
+    assert [n for n in names - {record} if digest(flown / n) != digest(again / n)] == []
+    records = [json.loads((folder / record).read_text()) for folder in (flown, again)]
+    assert all(set(each.pop("seconds")) for each in records)
+    assert records[0] == records[1]
+
+
+def digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize("drone", [0, 2])
+def test_a_folder_made_before_the_code_was_recorded_goes_on(
+    built: Path, flown: Path, tmp_path: Path, drone: int
+) -> None:
+    """Such records count the photos by drone among the photos too."""
+    folder = tmp_path / "old"
+    shutil.copytree(flown if drone else built, folder)
+    record = json.loads((folder / "estate.json").read_text())
+    (code,) = record.pop("code_sha256")
+    assert record["counts"] == {"panoramas": 2, "photos": PHOTOS, "drone": drone}
+    record["counts"]["photos"] += drone
+    (folder / "estate.json").write_text(json.dumps(record))
+    for _ in range(2):
+        record = build(an_estate(), folder, TINY)
+        assert record["counts"] == {"panoramas": 2, "photos": PHOTOS, "drone": drone}
+        assert record["code_sha256"] == [None, code]
+        assert record == json.loads((folder / "estate.json").read_text())
+
+
+def test_another_version_of_the_code_goes_on_and_is_recorded(
+    built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "set"
+    shutil.copytree(built, folder)
+    (code,) = json.loads((folder / "estate.json").read_text())["code_sha256"]
+    assert code == code_sha256()
+    monkeypatch.setattr("benchmarks.estate.record.code_sha256", lambda: "another")
+    for _ in range(2):
+        assert build(an_estate(), folder, TINY, only=())["code_sha256"] == [code, "another"]
+
+
+def test_what_became_of_surveyed_openings_is_recorded(tmp_path: Path) -> None:
+    survey = {"openings": 9, "kept": 8, "gone": {"in a slanted surface": 1}}
+    build(an_estate(), tmp_path / "tiny", TINY, only=(), survey=survey)
+    build(an_estate(), tmp_path / "tiny", TINY, only=())
+    assert json.loads((tmp_path / "tiny/estate.json").read_text())["survey"] == survey
+
+
 def test_a_folder_of_another_estate_is_an_error(built: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="seed 5, not 6"):
         build(replace(an_estate(), seed=6), built, TINY)
     with pytest.raises(InputError, match="size"):
         build(an_estate(), built, replace(TINY, samples=2))
+    other = json.loads((built / "estate.json").read_text())
+    other["counts"]["panoramas"] += 1
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other/estate.json").write_text(json.dumps(other))
+    with pytest.raises(InputError, match="counts"):
+        build(an_estate(), tmp_path / "other", TINY)
     (tmp_path / "letter.txt").write_text("dear")
     with pytest.raises(InputError, match="not empty"):
         build(an_estate(), tmp_path, TINY)

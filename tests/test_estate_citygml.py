@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from benchmarks.estate.plans.citygml import ingolstadt_estate, read_citygml
 from benchmarks.estate.plans.citygml_file import read_city_file
+from benchmarks.estate.specs import survey_of
+from click.testing import CliRunner
 
 from si3fp.errors import InputError
 
@@ -86,7 +88,9 @@ def test_walls_windows_and_gables_are_the_surveys(tmp_path: Path) -> None:
     )
     reading = read_citygml(written(tmp_path, body))
     (building,) = reading.buildings
-    assert (reading.surveyed, reading.kept, reading.recess_measured) == (3, 3, 2)
+    survey = reading.survey
+    assert (survey.openings, survey.kept, survey.recess_measured) == (3, 3, 2)
+    assert str(survey) == "The plan has 3 of 3 surveyed openings."
     assert building.roof.kind == "gable"
     assert building.height_m == pytest.approx(6.0, abs=0.002)
     assert building.roof.rise_m == pytest.approx(3.0, abs=0.002)
@@ -131,9 +135,10 @@ def test_every_opening_is_kept_or_has_a_reason(tmp_path: Path) -> None:
         + opening("Window", "slit", upright(9, 9.1, 3, 4.5))
     )
     reading = read_citygml(written(tmp_path, body))
-    assert (reading.surveyed, reading.kept, reading.flattened) == (9, 2, 1)
-    assert reading.kept + sum(reading.gone.values()) == reading.surveyed
-    assert dict(reading.gone) == {
+    survey = reading.survey
+    assert (survey.openings, survey.kept, survey.flattened) == (9, 2, 1)
+    assert survey.kept + sum(survey.gone.values()) == survey.openings
+    assert survey.gone == {
         "joined with another part of the same opening": 1,
         "inside another opening": 1,
         "above the eaves (dormers)": 1,
@@ -142,6 +147,8 @@ def test_every_opening_is_kept_or_has_a_reason(tmp_path: Path) -> None:
         "without geometry": 1,
         "smaller than 0.3 m": 1,
     }
+    assert str(survey).startswith("The plan has 2 of 9 surveyed openings; joined or left out: 1 ")
+    assert all(f"1 {reason}" in str(survey) for reason in survey.gone)
     openings = [o for wall in reading.buildings[0].walls for o in wall.openings]
     whole = min(openings, key=lambda o: o.x_m)
     assert (whole.x_m, whole.width_m) == pytest.approx((1, 2), abs=0.003)
@@ -209,6 +216,32 @@ def test_an_estate_has_its_street_in_front_of_the_windows(
         ingolstadt_estate("barn", 1, tmp_path)
 
 
+def test_the_command_says_and_records_what_became_of_the_openings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("mitsuba")
+    from benchmarks.estate.__main__ import main
+
+    asked: dict[str, object] = {}
+    monkeypatch.setattr(
+        "benchmarks.estate.build.build", lambda *_, **options: asked.update(options)
+    )
+    body = opening("Window", "w", upright(2, 3, 1, 2.5)) + opening("Window", "nowhere")
+    written(tmp_path, SHELL + body)
+    arguments = ["build", "ingolstadt:house", "--data", str(tmp_path), "-o", str(tmp_path / "set")]
+    result = CliRunner().invoke(main, arguments, catch_exceptions=False)
+    line = "The plan has 1 of 2 surveyed openings; joined or left out: 1 without geometry."
+    assert line in result.stderr
+    assert asked["survey"] == {
+        "openings": 2,
+        "kept": 1,
+        "gone": {"without geometry": 1},
+        "flattened": 0,
+        "recess_measured": 0,
+    }
+    assert survey_of("small") is None
+
+
 @pytest.mark.slow
 def test_the_real_buildings_keep_nine_openings_in_ten() -> None:
     data = os.environ.get("SI3FP_TEST_DATA")
@@ -217,9 +250,9 @@ def test_the_real_buildings_keep_nine_openings_in_ten() -> None:
     files = sorted((Path(data) / "lod3-ingolstadt").glob("*.xml"))
     readings = [read_citygml(file) for file in files]
     assert len(files) == 32
-    assert sum(r.surveyed for r in readings) == 761
-    assert sum(r.kept for r in readings) == 691
-    assert all(r.kept + sum(r.gone.values()) == r.surveyed for r in readings)
+    assert sum(r.survey.openings for r in readings) == 761
+    assert sum(r.survey.kept for r in readings) == 691
+    assert all(s.kept + sum(s.gone.values()) == s.openings for s in (r.survey for r in readings))
     for building in (b for r in readings for b in r.buildings):
         for wall in building.walls:
             assert all(o.x_m > 0 and o.x_m + o.width_m < wall.width_m for o in wall.openings)

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 import click
@@ -30,7 +31,7 @@ def main() -> None:
     multiple=True,
     help="Make this part alone; can be given twice. A later run adds the others.",
 )
-@click.option("--drone", is_flag=True, help="Photos from the air too.")
+@click.option("--drone", is_flag=True, help="Photos from the air too; a later run keeps them.")
 @click.option(
     "--data",
     type=click.Path(path_type=Path),
@@ -52,16 +53,19 @@ def build_command(
     """
     from benchmarks.estate.build import PARTS, build  # noqa: PLC0415
     from benchmarks.estate.capture.pictures import SIZES  # noqa: PLC0415
-    from benchmarks.estate.specs import estate_of  # noqa: PLC0415
+    from benchmarks.estate.specs import estate_of, survey_of  # noqa: PLC0415
 
     parts = tuple(part for part in PARTS if not only or part in only)
-    estate = estate_of(spec, seed, data)
+    estate, survey = estate_of(spec, seed, data), survey_of(spec, data)
+    if survey is not None:
+        click.echo(str(survey), err=True)
     build(
         estate,
         output,
         SIZES[size],
         only=parts,
         drone=drone,
+        survey=None if survey is None else asdict(survey),
         say=lambda line: click.echo(line, err=True),
     )
     click.echo(str(output))

@@ -2,7 +2,7 @@
 
 ::
 
-    estate.json                         what was built, with which noise
+    estate.json                         what was built, with which noise and code
     footprints.geojson
     panoramas.geojson panoramas/ depth/ for si3fp street
     photos/ reference_triangle.json     for si3fp photos
@@ -14,12 +14,7 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-import platform
 import time
-from dataclasses import asdict
-from importlib import metadata
 from pathlib import Path
 from typing import Any, Literal
 
@@ -35,7 +30,6 @@ from benchmarks.estate.capture.truth import (
     truth_model,
 )
 from benchmarks.estate.capture.walk import (
-    GPS_SIGMA_M,
     colmap_text,
     flight_around,
     photo_lens,
@@ -43,9 +37,8 @@ from benchmarks.estate.capture.walk import (
     walk_around,
 )
 from benchmarks.estate.plan import Estate
-from benchmarks.estate.rendering.denoise import available
+from benchmarks.estate.record import claimed
 
-from si3fp.errors import InputError
 from si3fp.sources.plane_map import encode_plane_map
 
 Part = Literal["panoramas", "photos", "truth"]
@@ -60,6 +53,7 @@ def build(
     *,
     only: tuple[Part, ...] = PARTS,
     drone: bool = False,
+    survey: Json | None = None,
     variant: str | None = None,
     say: Say = lambda line: None,
 ) -> Json:
@@ -72,7 +66,9 @@ def build(
     only
         The parts to make; a later call with other parts adds them.
     drone
-        Photos from the air too.
+        Photos from the air too; a folder that has them keeps them without being asked.
+    survey
+        What became of the openings of a surveyed building, for the record.
     variant
         Of Mitsuba; by default the fastest that works.
     say
@@ -81,14 +77,14 @@ def build(
     Raises
     ------
     InputError
-        If the folder holds something else: another plan, seed or size, or no estate at all.
+        If the folder holds another plan, seed, size or number of pictures, or no estate at all.
     """
     panoramas = panorama_poses(estate, size.most_per_facade)
     walk = walk_around(estate, size.photos)
-    flight = flight_around(estate, size.flight) if drone else {}
-    photos = {**walk.poses, **flight}
-    counts = {"panoramas": len(panoramas), "photos": len(photos), "drone": len(flight)}
-    record = _claimed(folder, estate, size, counts)
+    flight = flight_around(estate, size.flight)
+    counts = {"panoramas": len(panoramas), "photos": len(walk.poses), "drone": len(flight)}
+    record = claimed(folder, estate, size, counts, drone=drone, survey=survey)
+    photos = {**walk.poses, **(flight if record["counts"]["drone"] else {})}
     write_json(folder / "footprints.geojson", footprints_geojson(estate))
     pictures = Pictures(estate, folder, size, panoramas, photos, variant=variant, say=say)
     tasks: list[Task] = []
@@ -103,55 +99,6 @@ def build(
         tasks += pictures.of_truth()
     _work(tasks, folder, record, say)
     return record
-
-
-def plan_sha256(estate: Estate) -> str:
-    """The digest of a plan: equal where name, seed and the code that draws plans are."""
-    text = json.dumps(asdict(estate), sort_keys=True, default=float)
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _claimed(folder: Path, estate: Estate, size: Size, counts: Json) -> Json:
-    """The record of the folder, which is this estate's from now on."""
-    file = folder / "estate.json"
-    wanted = {
-        "schema": "estate",
-        "name": estate.name,
-        "seed": estate.seed,
-        "plan_sha256": plan_sha256(estate),
-        "size": asdict(size),
-        "counts": counts,
-    }
-    if file.exists():
-        record: Json = json.loads(file.read_text(encoding="utf-8"))
-        for key, value in wanted.items():
-            if record.get(key) != value:
-                raise InputError(
-                    f"{folder} holds an estate with {key} {record.get(key)!r}, not {value!r}. "
-                    "Give another folder with -o, or remove this one."
-                )
-        return record
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError(f"{folder} is not empty and holds no estate. Give another with -o.")
-    record = {
-        **wanted,
-        "light": asdict(estate.light),
-        "origin": asdict(estate.origin),
-        "denoised": available(),
-        "noise": {**noise_record(), "gps_sigma_m": GPS_SIGMA_M},
-        "versions": {name: _version(name) for name in ("si3fp", "mitsuba", "drjit", "numpy")}
-        | {"python": platform.python_version()},
-        "seconds": {},
-    }
-    write_json(file, record)
-    return record
-
-
-def _version(name: str) -> str | None:
-    try:
-        return metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return None
 
 
 def _write_panoramas(estate: Estate, folder: Path, panoramas: dict[str, Pose]) -> None:

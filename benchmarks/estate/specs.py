@@ -20,7 +20,7 @@ from benchmarks.estate.plans.buildings import (
     slab_block,
     turned,
 )
-from benchmarks.estate.plans.citygml import ingolstadt_estate
+from benchmarks.estate.plans.citygml import Survey, ingolstadt_estate, ingolstadt_survey
 from benchmarks.estate.plans.daylight import light_on
 from benchmarks.estate.site.placing import with_surroundings
 from shapely import MultiPolygon, Polygon
@@ -247,3 +247,10 @@ def estate_of(spec: str, seed: int, data: Path | None = None) -> Estate:
         reach_m=draft.reach_m,
         neighbour=neighbour_slab,
     )
+
+
+def survey_of(spec: str, data: Path | None = None) -> Survey | None:
+    """What became of the openings of a surveyed building; None for an estate that is drawn."""
+    if not spec.startswith(SURVEYED):
+        return None
+    return ingolstadt_survey(spec.removeprefix(SURVEYED), data)

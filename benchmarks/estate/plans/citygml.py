@@ -14,13 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from benchmarks.estate.drawing import millimetres, rng_of
-from benchmarks.estate.plan import (
-    Building,
-    Estate,
-    Roof,
-    Street,
-    Wall,
-)
+from benchmarks.estate.plan import Building, Estate, Roof, Street, Wall
 from benchmarks.estate.plans.citygml_dress import Look, drawn_look, finished_opening, wall_extras
 from benchmarks.estate.plans.citygml_file import SurveyedBuilding, read_city_file
 from benchmarks.estate.plans.citygml_roof import fitting, roof_of
@@ -48,33 +42,41 @@ DRIVEN_BEYOND_M = 10.0  # and the vehicle
 
 
 @dataclass(frozen=True)
-class Reading:
-    """Buildings of a file and what became of its openings.
+class Survey:
+    """What became of the openings of a survey.
 
     Attributes
     ----------
-    origin
-        Of the world that the buildings stand in; ground at z = 0.
-    buildings
-        Plans.
-    surveyed, kept
+    openings, kept
         Openings in the file and in the plans.
     gone
         How many were joined with others or left out, by reason; with ``kept`` they make
-        ``surveyed``.
+        ``openings``.
     flattened
         Kept ones that were moved from a bay or a recess onto the plane of their wall.
     recess_measured
         Kept ones whose recess is the survey's; the others' is drawn.
     """
 
-    origin: GeoOrigin
-    buildings: tuple[Building, ...]
-    surveyed: int
+    openings: int
     kept: int
     gone: Mapping[str, int]
     flattened: int
     recess_measured: int
+
+    def __str__(self) -> str:
+        gone = ", ".join(f"{count} {reason}" for reason, count in self.gone.items())
+        kept = f"The plan has {self.kept} of {self.openings} surveyed openings"
+        return f"{kept}; joined or left out: {gone}." if gone else f"{kept}."
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Plans of a file's buildings, and what became of their openings; ground at z = 0."""
+
+    origin: GeoOrigin
+    buildings: tuple[Building, ...]
+    survey: Survey
 
 
 def read_citygml(path: Path, seed: int = 1) -> Reading:
@@ -104,11 +106,13 @@ def read_citygml(path: Path, seed: int = 1) -> Reading:
     return Reading(
         file.origin,
         tuple(buildings),
-        sum(len(surveyed.openings) for surveyed in file.buildings),
-        len(kept),
-        dict(gone),
-        sum(opening.flattened for opening in kept),
-        sum(opening.recess_m is not None for opening in kept),
+        Survey(
+            sum(len(surveyed.openings) for surveyed in file.buildings),
+            len(kept),
+            dict(sorted(gone.items())),
+            sum(opening.flattened for opening in kept),
+            sum(opening.recess_m is not None for opening in kept),
+        ),
     )
 
 
@@ -129,12 +133,7 @@ def ingolstadt_estate(stem: str, seed: int, folder: Path | None = None) -> Estat
     InputError
         If the folder is not known or has no such file.
     """
-    folder = folder or _data_folder()
-    path = folder / f"{stem}.xml"
-    if not path.is_file():
-        there = ", ".join(sorted(file.stem for file in folder.glob("*.xml"))) or "no XML file"
-        raise InputError(f"There is no building {stem!r} in {folder}; it has {there}.")
-    reading = read_citygml(path, seed)
+    reading = read_citygml(_city_file(stem, folder), seed)
     street = _street(reading.buildings)
     driven = _driven(street, reading.buildings)
     light = light_on(reading.buildings, (driven,), reading.origin, rng_of(seed, stem, "light"))
@@ -149,6 +148,20 @@ def ingolstadt_estate(stem: str, seed: int, folder: Path | None = None) -> Estat
         trees=0.6,
         hedges=0.4,
     )
+
+
+def ingolstadt_survey(stem: str, folder: Path | None = None) -> Survey:
+    """What became of the openings of that building, whatever the seed."""
+    return read_citygml(_city_file(stem, folder)).survey
+
+
+def _city_file(stem: str, folder: Path | None) -> Path:
+    folder = folder or _data_folder()
+    path = folder / f"{stem}.xml"
+    if not path.is_file():
+        there = ", ".join(sorted(file.stem for file in folder.glob("*.xml"))) or "no XML file"
+        raise InputError(f"There is no building {stem!r} in {folder}; it has {there}.")
+    return path
 
 
 def _data_folder() -> Path:
