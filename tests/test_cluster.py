@@ -338,6 +338,7 @@ def test_a_fit_beats_the_footprint_and_the_planes_alone():
     rng = np.random.default_rng(7)
     cameras = np.linspace(-5, 15, 4)
     errors = {"edge": [], "fit": []}
+    normalized = []
     for _ in range(200):
         shift = rng.normal(0, 0.5)
         left, right = np.array([[0.0, 10.0], [10.0, 10.0]])
@@ -349,12 +350,24 @@ def test_a_fit_beats_the_footprint_and_the_planes_alone():
             outward = np.array([np.sin(angle), -np.cos(angle)])
             foot = np.array([x, 0.0]) - outward * 10 + [0, rng.normal(0, 0.16)]
             members.append(_plane_of(f"p{n}", outward, foot))
-        line, _ = fit_wall(members, Line(left, right), True, CONFIG)
+        line, fit = fit_wall(members, Line(left, right), True, CONFIG)
+        middle = (line.left_in_world + line.right_in_world) / 2
+        normalized.append((middle[1] - 10) / fit.offset_sigma_m)
         for name, found in (("edge", Line(left, right)), ("fit", line)):
             errors[name] += [found.left_in_world[1] - 10, found.right_in_world[1] - 10]
     rms = {name: float(np.sqrt(np.mean(np.square(e)))) for name, e in errors.items()}
     assert rms["fit"] < 0.12  # theory: 0.08 m at the middle, 0.02 m more at the ends
     assert rms["edge"] > 0.45
+    # Planes err by 0.16 m and 0.46 degrees, and are said to by 0.2 m and 0.5 degrees.
+    assert 0.65 < np.std(normalized) < 1.0
+
+
+def test_a_wall_without_planes_is_as_sure_as_its_edge():
+    edge = Line(np.array([0.0, 10.0]), np.array([10.0, 10.0]))
+    _, fit = fit_wall([], edge, True, CONFIG)
+    assert fit.offset_sigma_m == CONFIG.edge_offset_sigma_m
+    turn = np.rad2deg(np.sqrt(2) * CONFIG.edge_corner_sigma_m / 10)
+    assert fit.angle_sigma_deg == pytest.approx(turn)
 
 
 def _plane_of(name, outward, foot):

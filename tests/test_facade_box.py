@@ -261,7 +261,8 @@ def test_castle_eaves_lie_where_the_wall_ends_and_the_cornice_begins():
     from si3fp.sources.local import image_loader, panoramas_in_world, read_panorama_records
     from si3fp.sources.selection import run_origin
     from si3fp.streetview.cluster import cluster_walls
-    from si3fp.streetview.orthophoto import align_views
+    from si3fp.streetview.drift import without_drift
+    from si3fp.streetview.orthophoto import align_views, moved_views
     from si3fp.streetview.views import enough_seen, make_view, plan_views
 
     castle = Path(os.environ["SI3FP_TEST_DATA"]) / "castle"
@@ -277,14 +278,19 @@ def test_castle_eaves_lie_where_the_wall_ends_and_the_cornice_begins():
     images = {plan.wall.facade_id: [] for plan in plans}
     for name, panorama in panoramas.items():
         image = load(name)
-        seen = seen_pixels(image)
+        lit = seen_pixels(image)
         for plan in plans:
             if name in plan.panorama_ids:
-                view = make_view(plan, panorama, image, seen, footprints, ortho, config.cluster)
+                view = make_view(plan, panorama, image, lit, footprints, ortho, config.cluster)
                 images[plan.wall.facade_id].append(view)
-    for plan in plans:
-        seen_views = enough_seen(images[plan.wall.facade_id], ortho)
-        _, moved = align_views(plan, seen_views, panoramas, config.align)
+    seen = [enough_seen(images[plan.wall.facade_id], ortho) for plan in plans]
+    facades = [
+        align_views(plan, views, panoramas, config.align)
+        for plan, views in zip(plans, seen, strict=True)
+    ]
+    placed = without_drift(facades, panoramas, config.align)
+    for plan, views, registrations in zip(plans, seen, placed, strict=True):
+        moved = moved_views(plan, views, registrations)
         for top_m in (None, 2.5 + 12.8, 2.5 + 14.8):
             prior = PriorBox(2.5, 2.5 + plan.wall.width_m, 2.5, top_m)
             box = find_facade_box(moved, plan.grid, prior, CONFIG, np.random.default_rng(0))

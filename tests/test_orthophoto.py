@@ -15,8 +15,15 @@ from si3fp.geometry.equirect import directions_from_pixels, world_from_pano_rota
 from si3fp.geometry.rigid import Rigid3
 from si3fp.model import OrthoImage, Panorama
 from si3fp.ortho import rectify
+from si3fp.streetview.align import Registration
 from si3fp.streetview.cluster import Wall
-from si3fp.streetview.orthophoto import FacadeOrthophoto, align_views, crop_to_facade
+from si3fp.streetview.drift import without_drift
+from si3fp.streetview.orthophoto import (
+    FacadeOrthophoto,
+    align_views,
+    crop_to_facade,
+    moved_views,
+)
 from si3fp.streetview.views import ViewPlan, plan_views
 from si3fp.streetview.wall_fit import WallFit
 
@@ -94,7 +101,7 @@ def views_of_the_wall(believed: dict[str, Panorama]) -> Made:
     """Views by poses as they are believed, of images as they were taken."""
     wall = Wall(
         "house-0", "house", 0, WORLD_FROM_WALL, WIDTH_M, HEIGHT_M, (), tuple(PLACES),
-        WallFit(0, 0, 0.0, 0.0, None, None, "footprint"),
+        WallFit(0, 0, 0.0, 0.0, None, None, "footprint", 0.5, 1.0),
     )  # fmt: skip
     config = OrthoConfig()
     plan = plan_views(wall, believed, dict.fromkeys(PLACES, 2048), config)
@@ -119,9 +126,17 @@ def noisy() -> Made:
     )
 
 
-def orthophoto_of(made: Made) -> FacadeOrthophoto:
+def aligned(made: Made) -> tuple[tuple[Registration, ...], tuple[OrthoImage, ...]]:
+    """Registrations of the wall alone, and the moved views."""
     plan, views, panoramas = made
-    _, moved = align_views(plan, views, panoramas, AlignConfig())
+    facade = align_views(plan, views, panoramas, AlignConfig())
+    (registrations,) = without_drift([facade], panoramas, AlignConfig())
+    return registrations, moved_views(plan, views, registrations)
+
+
+def orthophoto_of(made: Made) -> FacadeOrthophoto:
+    plan, _, panoramas = made
+    _, moved = aligned(made)
     rng = np.random.default_rng(0)
     return crop_to_facade(plan, moved, panoramas, FacadeBoxConfig(), rng)
 
@@ -173,8 +188,8 @@ def test_cameras_come_in_the_frame_of_the_cropped_facade(exact):
 
 
 def test_wrong_poses_are_registered_and_the_window_is_near_its_place(noisy):
-    plan, views, panoramas = noisy
-    registrations, moved = align_views(plan, views, panoramas, AlignConfig())
+    plan, _, _ = noisy
+    registrations, moved = aligned(noisy)
     assert len(moved) == 3
     for registration in registrations:
         assert registration.used
@@ -209,7 +224,7 @@ def test_no_view_is_an_error_that_counts_the_panoramas(exact):
 def test_where_the_wall_goes_on_the_facade_ends_at_the_corner_of_the_map(exact: Made) -> None:
     plan, views, panoramas = exact
     terrace = replace(plan, wall=replace(plan.wall, goes_on=(True, False), width_m=WIDTH_M - 0.4))
-    _, moved = align_views(terrace, views, panoramas, AlignConfig())
+    _, moved = aligned((terrace, views, panoramas))
     photo = crop_to_facade(terrace, moved, panoramas, FacadeBoxConfig(), np.random.default_rng(0))
     left = photo.views.grid.world_from_facade.translation
     corner = plan.wall.world_from_facade.translation

@@ -31,7 +31,7 @@ def wall_seen_by(panoramas: dict[str, Panorama]) -> Wall:
         HEIGHT_M,
         tuple((name, 0) for name in panoramas),
         tuple(panoramas),
-        WallFit(1, 1, 0.0, 0.0, None, None, "planes"),
+        WallFit(1, 1, 0.0, 0.0, None, None, "planes", 0.2, 0.5),
     )
 
 

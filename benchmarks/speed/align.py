@@ -21,7 +21,7 @@ from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.rigid import Rigid3
 from si3fp.model import FacadeViews, OrthoImage, Panorama
 from si3fp.streetview.align import register, registered
-from si3fp.streetview.motion import motion_covariance
+from si3fp.streetview.pose_motion import motion_covariance
 
 SOUTH_WALL = Rigid3(np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), np.zeros(3))
 GRID = FacadeGrid.covering(SOUTH_WALL, 30.0, 15.0, 0.02)

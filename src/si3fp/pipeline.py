@@ -106,10 +106,12 @@ def run_street(
     with timed("S.2 views"):
         steps.make_views(inputs, plans, workspace, config, progress)
         steps.write_cloud(inputs, workspace)
+    with timed("S.3 align"):
+        registered = steps.register_facades(plans, inputs, workspace, config, progress)
     found: list[Facade] = []
     for done, plan in enumerate(plans):
         progress("facades", done, len(plans))
-        facade = steps.find_facade(plan, inputs, detector, workspace, config, timed)
+        facade = steps.find_facade(plan, registered, inputs, detector, workspace, config, timed)
         if isinstance(facade, Missing):
             missing.append(facade)
         else:

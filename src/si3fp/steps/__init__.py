@@ -6,7 +6,7 @@ facade's failure becomes a `Missing` row.
 
 from si3fp.steps.capture import CaptureCheck, check_photos
 from si3fp.steps.evaluation import ModelEvaluation, evaluate_model
-from si3fp.steps.facades import find_facade
+from si3fp.steps.facades import find_facade, register_facades
 from si3fp.steps.inputs import Circle, StreetInputs, claim, collect, run_key, street_record
 from si3fp.steps.models import build_models, simulate_run, write_run
 from si3fp.steps.photo_facades import find_photo_facade
@@ -46,6 +46,7 @@ __all__ = [
     "photos_record",
     "picture_files",
     "plan",
+    "register_facades",
     "run_key",
     "simulate_run",
     "street_record",

@@ -1,8 +1,8 @@
-"""S.3, S.4 and M.1 with their files: one wall becomes a facade or a `Missing` row."""
+"""S.3, S.4 and M.1 with their files: every wall becomes a facade or a `Missing` row."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from typing import Any
 
@@ -14,39 +14,76 @@ from si3fp.model import Facade, Missing, OrthoImage
 from si3fp.records import facade_from_records, rounded
 from si3fp.steps.facade_files import place_of_view, plain, write_facade
 from si3fp.steps.inputs import StreetInputs
+from si3fp.steps.rectified import Progress
 from si3fp.streetview.align import Registration
-from si3fp.streetview.orthophoto import FacadeOrthophoto, align_views, crop_to_facade
+from si3fp.streetview.drift import RegisteredFacade, without_drift
+from si3fp.streetview.orthophoto import (
+    FacadeOrthophoto,
+    align_views,
+    crop_to_facade,
+    moved_views,
+)
 from si3fp.streetview.views import ViewPlan, enough_seen
 from si3fp.windows.detect import WindowDetector
 from si3fp.windows.parse import parse_facade
 from si3fp.workspace import Workspace, read_json, read_png
 
 
+def register_facades(
+    plans: Sequence[ViewPlan],
+    inputs: StreetInputs,
+    workspace: Workspace,
+    config: StreetConfig,
+    progress: Progress,
+) -> dict[str, tuple[Registration, ...] | Missing]:
+    """S.3 of all walls, by their names; a failure is a `Missing` row.
+
+    All walls, because one panorama sees several and its pose errs in one way for all of them.
+    Nothing is done where a former run has finished every wall.
+    """
+    if all(workspace.facade(plan.wall.facade_id, "facade.json").exists() for plan in plans):
+        return {}
+    found: dict[str, RegisteredFacade] = {}
+    missing: dict[str, Missing] = {}
+    for done, plan in enumerate(plans):
+        progress("registration", done, len(plans))
+        name = plan.wall.facade_id
+        try:
+            views = _raw_views(plan, workspace, config)
+            if views:
+                found[name] = align_views(plan, views, inputs.panoramas, config.align)
+            else:
+                missing[name] = _not_seen(plan, config)
+        except (FacadeError, InputError) as error:
+            missing[name] = Missing(name, "align", str(error))
+    progress("registration", len(plans), len(plans))
+    placed = without_drift(tuple(found.values()), inputs.panoramas, config.align)
+    return {**dict(zip(found, placed, strict=True)), **missing}
+
+
 def find_facade(
     plan: ViewPlan,
+    registered: Mapping[str, tuple[Registration, ...] | Missing],
     inputs: StreetInputs,
     detector: WindowDetector,
     workspace: Workspace,
     config: StreetConfig,
     timed: Callable[[str], AbstractContextManager[None]],
 ) -> Facade | Missing:
-    """S.3, S.4 and M.1 of one wall, with its files; a failure is a `Missing` row.
+    """S.4 and M.1 of one wall, with its files; a failure is a `Missing` row.
 
-    ``timed`` is a context that counts the time of a step.
+    ``registered`` comes from `register_facades`; ``timed`` is a context that counts the time of a
+    step.
     """
     name = plan.wall.facade_id
     if not workspace.facade(name, "facade.json").exists():
-        step = "align"
+        registrations = registered[name]
+        if isinstance(registrations, Missing):
+            return registrations
+        step = "facade_box"
         try:
-            with timed("S.3 align"):
-                views = enough_seen(
-                    [_raw_view(plan, each, workspace) for each in plan.panorama_ids], config.ortho
-                )
-                if not views:
-                    return _not_seen(plan, config)
-                registrations, moved = align_views(plan, views, inputs.panoramas, config.align)
-            step = "facade_box"
             with timed("S.4 facade"):
+                moved = moved_views(plan, _raw_views(plan, workspace, config), registrations)
                 rng = np.random.default_rng([config.seed, *name.encode()])
                 photo = crop_to_facade(plan, moved, inputs.panoramas, config.facade_box, rng)
             step = "windows"
@@ -85,6 +122,12 @@ def _not_seen(plan: ViewPlan, config: StreetConfig) -> Missing:
         f"no camera sees enough: of {len(plan.panorama_ids)} panoramas none shows "
         f"{config.ortho.min_seen:.0%} of it",
     )
+
+
+def _raw_views(plan: ViewPlan, workspace: Workspace, config: StreetConfig) -> list[OrthoImage]:
+    """The views of a wall that show enough of it, as they were made."""
+    views = [_raw_view(plan, each, workspace) for each in plan.panorama_ids]
+    return enough_seen(views, config.ortho)
 
 
 def _raw_view(plan: ViewPlan, panorama_id: str, workspace: Workspace) -> OrthoImage:

@@ -26,7 +26,8 @@ from si3fp.streetview.matching import Matches, features_of, largest_group, match
 from si3fp.streetview.motion import (
     MotionModel,
     best_model,
-    common_drift,
+    in_pixels,
+    motion_basis,
     motion_matrix,
     moved,
 )
@@ -45,7 +46,7 @@ class Registration:
     reason
         Why it was dropped, or what was done, in words.
     model
-        Motion model; ``none`` where the view was not moved.
+        Motion model; ``none`` where the view was not moved against others.
     grid_from_view
         (3, 3) homography in grid pixels.
     inliers
@@ -54,6 +55,10 @@ class Registration:
         Median distance of its matches to the other views in grid pixels; None without matches.
     shift_m
         Length of the motion at the middle of the grid.
+    information
+        (8, 8) inverse covariance of the motion's parameters that the matches give, in metres from
+        the middle of the grid (`si3fp.streetview.motion`); None where the view defines the place
+        of the others.
     """
 
     source: str
@@ -65,6 +70,7 @@ class Registration:
     residual_before_px: float | None = None
     residual_after_px: float | None = None
     shift_m: float = 0.0
+    information: FloatArray | None = None
 
 
 def register(
@@ -83,7 +89,7 @@ def register(
         One number per view, larger is better: resolution, obliqueness and coverage in one.
     covariances
         (8, 8) per view: how its pose error moves it on the wall, from
-        `si3fp.streetview.motion.motion_covariance`.
+        `si3fp.streetview.pose_motion.motion_covariance`.
     config
         Resolution, number of views that are matched all against all, tolerances, priors.
 
@@ -91,7 +97,7 @@ def register(
     -----
     SI3FP, step S.3, with METHOD decisions 8 and 14. Pixels that were not seen never match. A view
     without a chain of matches to the others is dropped; where nothing matches at all, the best
-    view is kept alone.
+    view is kept alone. The mean motion of the best views is zero: their common drift is left in.
     """
     # The products of matrices here are small: the threads of BLAS would wait for one another
     # longer than they work, on a busy machine by far (docs/benchmarks.md).
@@ -131,12 +137,11 @@ def _register(
         model, motion = best_model(links, [i], fixed, covariances, config)
         matrices = {view: motion_matrix(each) for view, each in (fixed | motion).items()}
         agreeing = sum((_gaps(link, matrices) < reach_m).sum() for link in links)
-        # A view that is going to be dropped must not blur the residuals and the drift of others.
+        # A view that is going to be dropped must not blur the residuals of others.
         if agreeing >= config.min_inliers:
             models[i], motions[i] = model, motion[i]
             pairs += links
-    without_drift = np.linalg.inv(motion_matrix(common_drift(views, motions, covariances)))
-    moves = {i: without_drift @ motion_matrix(motion) for i, motion in motions.items()}
+    moves = {i: motion_matrix(motion) for i, motion in motions.items()}
     return tuple(
         _registration(i, view, views.grid, pairs, moves, models, config)
         for i, view in enumerate(views.views)
@@ -205,22 +210,30 @@ def _registration(
         return _dropped(view, f"only {inliers} matching points agree with the other views")
     if shift_m > config.max_shift_m:
         return _dropped(view, f"would have to move by {shift_m:.2f} m: a mismatch")
-    pixels_from_metres = np.array(
-        [
-            [1 / grid.m_per_px, 0.0, grid.width_px / 2],
-            [0.0, 1 / grid.m_per_px, grid.height_px / 2],
-            [0.0, 0.0, 1.0],
-        ]
-    )
-    matrix = pixels_from_metres @ moves[index] @ np.linalg.inv(pixels_from_metres)
     return Registration(
         view.source,
         True,
         "registered",
         models[index],
-        matrix / matrix[2, 2],
+        in_pixels(moves[index], grid),
         inliers,
         float(np.median(gap_before)) / grid.m_per_px,
         float(np.median(gap_after)) / grid.m_per_px,
         shift_m,
+        _information(index, pairs, moves, config),
     )
+
+
+def _information(
+    index: int, pairs: Sequence[Matches], moves: Mapping[int, FloatArray], config: AlignConfig
+) -> FloatArray:
+    """Inverse covariance (8, 8) of a view's motion, the others' known; matches weigh by Cauchy."""
+    total = np.zeros((8, 8))
+    for pair in pairs:
+        if index not in (pair.first, pair.second):
+            continue
+        points = pair.points_first if index == pair.first else pair.points_second
+        weight = 1 / (config.match_sigma_m**2 + _gaps(pair, moves) ** 2)
+        basis = motion_basis(points, "homography")
+        total += np.einsum("p,pck,pcl->kl", weight, basis, basis)
+    return total

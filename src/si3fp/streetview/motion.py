@@ -15,18 +15,15 @@ from scipy.linalg import block_diag
 from si3fp.config import AlignConfig
 from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.rigid import FloatArray
-from si3fp.model import FacadeViews, Panorama
 from si3fp.streetview.matching import Matches
 
 MotionModel = Literal["translation", "similarity", "homography"]
 MODELS: tuple[MotionModel, ...] = ("translation", "similarity", "homography")
 ROBUST_ROUNDS = 10
 GAUGE_WEIGHT = 1e6
-DOWN = np.array([1.0, -1.0])
-"""Facade y runs up; matches are in metres to the right and down, like pixels."""
 
 
-def _basis(points: FloatArray, model: MotionModel) -> FloatArray:
+def motion_basis(points: FloatArray, model: MotionModel) -> FloatArray:
     """Derivative (M, 2, K) of a point's motion by the K parameters of the model, at zero motion."""
     x, y = points[:, 0], points[:, 1]
     one, zero = np.ones_like(x), np.zeros_like(x)
@@ -36,78 +33,6 @@ def _basis(points: FloatArray, model: MotionModel) -> FloatArray:
     if model == "homography":
         columns += [(x, zero), (y, zero), (zero, x), (zero, y), (x * x, x * y), (x * y, y * y)]
     return np.stack([np.stack(column, axis=-1) for column in columns], axis=-1)
-
-
-def motion_covariance(panorama: Panorama, grid: FacadeGrid, config: AlignConfig) -> FloatArray:
-    """Covariance (8, 8) of a view's motion on the wall that its pose error explains.
-
-    The parameters are those of the homography model: shift, linear and perspective part, in metres
-    from the middle of the grid. An oblique view is uncertain in scale, a distant one in shift; the
-    common drift of all views is best estimated where that is known. Each of the three positions
-    and three angles is moved by its standard deviation, and the motion of the wall fitted.
-    """
-    columns = (np.arange(7) + 0.5) / 7 * grid.width_px
-    rows = (np.arange(5) + 0.5) / 5 * grid.height_px
-    pixels = np.stack(np.meshgrid(columns, rows, indexing="xy"), axis=-1).reshape(-1, 2)
-    world = grid.world_from_pixels(pixels)
-    middle = np.array([grid.width_m / 2, grid.height_m / 2])
-    plane = (grid.facade_from_pixels(pixels) - middle) * DOWN
-    rays = panorama.pano_from_world.apply(world)
-    basis = _basis(plane, "homography").reshape(-1, 8)
-    # Points that the camera sees more steeply than most count less, as they do in the matches.
-    distance_m = np.linalg.norm(rays, axis=1)
-    steep = np.abs((world - panorama.centre_in_world) @ grid.normal_in_world) / distance_m
-    weight = np.repeat(np.maximum(steep, 0.05) ** 2 / distance_m, 2)[:, None]
-    facade_from_world = grid.world_from_facade.inverse()
-    world_from_pano = panorama.pano_from_world.inverse()
-    normal = grid.normal_in_world
-    offset_m = float(normal @ grid.world_from_facade.translation)
-    motions = []
-    for axis in range(3):
-        turn = np.deg2rad(config.direction_sigma_deg) * np.eye(3)[axis]
-        for centre, moved_rays in (
-            (np.eye(3)[axis] * config.position_sigma_m, rays),
-            (np.zeros(3), rays + np.cross(turn, rays)),
-        ):
-            start = world_from_pano.apply(centre)
-            lines = world_from_pano.rotate(moved_rays)
-            along = (offset_m - normal @ start) / (lines @ normal)
-            seen = facade_from_world.apply(start + along[:, None] * lines)[:, :2]
-            shift = (seen - middle) * DOWN - plane
-            fit = np.linalg.lstsq(basis * weight, shift.reshape(-1) * weight[:, 0], rcond=None)
-            motions.append(fit[0])
-    root = np.array(motions)
-    floor = np.array([0.01] * 2 + [0.001] * 4 + [0.00005] * 2)
-    covariance: FloatArray = root.T @ root + np.diag(floor**2)
-    return covariance
-
-
-def common_drift(
-    views: FacadeViews, motions: dict[int, FloatArray], covariances: Sequence[FloatArray]
-) -> FloatArray:
-    """Parameters (6,) of the affine motion that all views share in the mean.
-
-    Matches cannot tell it, poses can: at every place of the wall, the motions of the views that
-    saw it are averaged with the inverse of the variance that their pose errors give them there.
-    """
-    grid = views.grid
-    columns, rows = np.meshgrid(
-        (np.arange(24) + 0.5) / 24 * grid.width_px, (np.arange(12) + 0.5) / 12 * grid.height_px
-    )
-    x, y = columns.ravel(), rows.ravel()
-    points = np.stack([x - grid.width_px / 2, y - grid.height_px / 2], axis=-1) * grid.m_per_px
-    basis = _basis(points, "homography")
-    total, weights = np.zeros_like(points), np.zeros(len(points))
-    for index, motion in motions.items():
-        variance = np.einsum("pck,kl,pcl->p", basis, covariances[index], basis)
-        weight = views.views[index].valid[y.astype(int), x.astype(int)] / variance
-        total += weight[:, None] * (moved(points, motion_matrix(motion)) - points)
-        weights += weight
-    mean = total / np.maximum(weights, 1e-9)[:, None]
-    root = np.repeat(np.sqrt(weights), 2)
-    affine = basis[..., :6].reshape(-1, 6)
-    drift: FloatArray = np.linalg.lstsq(affine * root[:, None], mean.ravel() * root, rcond=None)[0]
-    return drift
 
 
 def _prior(model: MotionModel, covariance: FloatArray) -> FloatArray:
@@ -141,6 +66,27 @@ def moved(points: FloatArray, matrix: FloatArray) -> FloatArray:
     """Points (M, 2) after a homography (3, 3)."""
     homogeneous = np.column_stack([points, np.ones(len(points))]) @ matrix.T
     return np.asarray(homogeneous[:, :2] / homogeneous[:, 2:])
+
+
+def in_pixels(matrix: FloatArray, grid: FacadeGrid) -> FloatArray:
+    """A homography (3, 3) of metres from the grid's middle as one of the grid's pixels."""
+    pixels = _pixels_from_metres(grid)
+    moved_pixels = pixels @ matrix @ np.linalg.inv(pixels)
+    return np.asarray(moved_pixels / moved_pixels[2, 2])
+
+
+def in_metres(matrix: FloatArray, grid: FacadeGrid) -> FloatArray:
+    """A homography (3, 3) of the grid's pixels as one of metres from its middle."""
+    pixels = _pixels_from_metres(grid)
+    moved_metres = np.linalg.inv(pixels) @ matrix @ pixels
+    return np.asarray(moved_metres / moved_metres[2, 2])
+
+
+def _pixels_from_metres(grid: FacadeGrid) -> FloatArray:
+    scale = 1 / grid.m_per_px
+    return np.array(
+        [[scale, 0.0, grid.width_px / 2], [0.0, scale, grid.height_px / 2], [0.0, 0.0, 1.0]]
+    )
 
 
 def best_model(
@@ -190,7 +136,7 @@ def _solve(
     # How the residual of a match changes with the motion of its two views, if they are free.
     slopes = [
         {
-            view: sign * _basis(points, model).reshape(-1, size) / config.match_sigma_m
+            view: sign * motion_basis(points, model).reshape(-1, size) / config.match_sigma_m
             for view, points, sign in (
                 (pair.first, pair.points_first, 1.0),
                 (pair.second, pair.points_second, -1.0),

@@ -14,8 +14,9 @@ from si3fp.geometry.rigid import FloatArray
 from si3fp.model import FacadeViews, OrthoImage, Panorama
 from si3fp.ortho import view_weight
 from si3fp.streetview.align import Registration, register, registered
+from si3fp.streetview.drift import RegisteredFacade
 from si3fp.streetview.facade_box import FacadeBox, PriorBox, find_facade_box
-from si3fp.streetview.motion import motion_covariance
+from si3fp.streetview.pose_motion import motion_covariance
 from si3fp.streetview.views import ViewPlan, moved_to
 
 
@@ -46,8 +47,8 @@ def align_views(
     views: Sequence[OrthoImage],
     panoramas: Mapping[str, Panorama],
     config: AlignConfig,
-) -> tuple[tuple[Registration, ...], tuple[OrthoImage, ...]]:
-    """S.3: one registration per view, and the moved views of those that are used.
+) -> RegisteredFacade:
+    """S.3 of one facade: its views against one another, one registration each.
 
     Parameters
     ----------
@@ -78,12 +79,20 @@ def align_views(
     registrations = register(
         FacadeViews(plan.wall.facade_id, plan.grid, tuple(views)), quality, covariances, config
     )
-    moved = tuple(
+    fit = plan.wall.fit
+    plane_sigma = np.array([fit.offset_sigma_m, np.deg2rad(fit.angle_sigma_deg)])
+    return RegisteredFacade(plan.grid, plane_sigma, registrations)
+
+
+def moved_views(
+    plan: ViewPlan, views: Sequence[OrthoImage], registrations: Sequence[Registration]
+) -> tuple[OrthoImage, ...]:
+    """The views that are used, moved onto the plan's grid by their registrations."""
+    return tuple(
         registered(view, registration, plan.grid)
         for view, registration in zip(views, registrations, strict=True)
         if registration.used
     )
-    return registrations, moved
 
 
 def crop_to_facade(

@@ -70,6 +70,8 @@ class WallFit:
         without planes or without footprint.
     source
         ``planes`` or ``footprint``: what decided the wall.
+    offset_sigma_m, angle_sigma_deg
+        Standard deviations of the wall: its distance at the middle, and its bearing.
     """
 
     planes: int
@@ -79,6 +81,8 @@ class WallFit:
     edge_offset_m: float | None
     edge_angle_deg: float | None
     source: str
+    offset_sigma_m: float
+    angle_sigma_deg: float
 
 
 def fit_wall(
@@ -101,8 +105,10 @@ def fit_wall(
     is_edge
         Whether the reference is a footprint edge, that is, evidence.
     """
+    sigma_edge_slope = config.edge_corner_sigma_m * np.sqrt(2) / reference.length_m
+    edge_sigma = np.array([config.edge_offset_sigma_m, sigma_edge_slope])
     if not members:
-        return reference, WallFit(0, 0, 0.0, 0.0, None, None, "footprint")
+        return reference, WallFit(0, 0, 0.0, 0.0, None, None, "footprint", *_told(edge_sigma))
     middle = (reference.left_in_world + reference.right_in_world) / 2
     feet = np.array([member.foot_in_world for member in members]) - middle
     outward = np.array([member.outward for member in members])
@@ -126,28 +132,26 @@ def fit_wall(
         offset_error = np.abs(front - slope * along - line[0]) / sigma_middle
         return np.asarray((offset_error < 3) & (np.abs(slope - line[1]) / sigma_slope < 3))
 
-    def solved(inlier: FloatArray, with_edge: bool) -> FloatArray:
+    def solved(inlier: FloatArray, with_edge: bool) -> tuple[FloatArray, FloatArray]:
         rows = [np.stack([1 / sigma_front, along / sigma_front], axis=-1)[inlier]]
         rows.append(np.stack([np.zeros_like(along), 1 / sigma_slope], axis=-1)[inlier])
         values = [(front / sigma_front)[inlier], (slope / sigma_slope)[inlier]]
         if with_edge:
-            sigma_edge_slope = config.edge_corner_sigma_m * np.sqrt(2) / reference.length_m
-            rows.append(np.diag([1 / config.edge_offset_sigma_m, 1 / sigma_edge_slope]))
+            rows.append(np.diag(1 / edge_sigma))
             values.append(np.zeros(2))
-        solution: FloatArray = np.linalg.lstsq(np.vstack(rows), np.concatenate(values), rcond=None)[
-            0
-        ]
-        return solution
+        every = np.vstack(rows)
+        solution: FloatArray = np.linalg.lstsq(every, np.concatenate(values), rcond=None)[0]
+        return solution, np.sqrt(np.diag(np.linalg.inv(every.T @ every)))
 
     inlier = agreeing(start)
     if inlier.any():
-        inlier = agreeing(solved(inlier, False))
+        inlier = agreeing(solved(inlier, False)[0])
     if not inlier.any():
         inlier = np.ones(len(members), dtype=np.bool_)
-    measured = solved(inlier, False)
+    measured, _ = solved(inlier, False)
     ids = {member.panorama_id for member, good in zip(members, inlier, strict=True) if good}
     use_planes = len(ids) >= config.min_agreeing or not is_edge
-    final = solved(inlier, is_edge) if use_planes else np.zeros(2)
+    final, sigma = solved(inlier, is_edge) if use_planes else (np.zeros(2), edge_sigma)
 
     support = np.array([np.median(m.support_in_world[:, :2], axis=0) for m in members]) - middle
     at = support @ reference.along
@@ -162,7 +166,13 @@ def fit_wall(
         # A slope leads from the edge towards its normal, which lies clockwise of it.
         -float(np.rad2deg(np.arctan(measured[1]))) if is_edge else None,
         "planes" if use_planes else "footprint",
+        *_told(sigma),
     )
+
+
+def _told(sigma: FloatArray) -> tuple[float, float]:
+    """Standard deviations of offset and slope as metres and degrees."""
+    return float(sigma[0]), float(np.rad2deg(sigma[1]))
 
 
 def _weighted_median(values: FloatArray, weights: FloatArray) -> float:
