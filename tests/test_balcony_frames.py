@@ -54,7 +54,7 @@ def boxes():
 
 AT_BALCONY = np.array([True, True, False, False] * 3)
 SLABS = np.array(FLOORS_M) - 0.2
-COLUMN = BalconyColumn(0.5, 6.6, SLABS, SLABS)
+COLUMN = BalconyColumn(0.5, 6.6, SLABS, SLABS, 0.0)
 
 
 def told(image, boxes_px=None, at=AT_BALCONY):

@@ -206,3 +206,23 @@ def test_a_door_is_inferred_from_two_others_and_not_from_one_or_where_the_switch
     # A window is where the door would be: that balcony has none.
     other = [*storeys(*FLOORS_M[:2]), window((2.5, 3.6), 6.9, 8.2)]
     assert doors(other) == []
+
+
+def test_an_inferred_window_alone_above_a_balcony_is_its_door_but_not_in_a_column_of_windows():
+    floor = FLOORS_M[2]
+    below = storeys(*FLOORS_M[:2])
+    nothing = np.zeros(SHAPE, bool)
+    alone = window(WINDOW, floor + 0.85, floor + 2.2, origin="inferred")
+    assert doors_of_columns([*below, alone], fronts(), nothing, GRID)[-1] is alone
+    elsewhere = window((1.4, 2.8), floor + 0.85, floor + 2.2, origin="inferred")
+    (*_, door) = doors_of_columns([*below, elsewhere], fronts(), nothing, GRID)
+    assert door.label == "balcony_door"
+    assert door.y_m == pytest.approx(floor, abs=0.06)
+
+
+def test_an_inferred_door_with_the_sill_of_its_row_goes_down_to_the_floor():
+    floor = FLOORS_M[2]
+    door = window(DOOR, floor + 0.85, floor + 2.2, origin="inferred", label="balcony_door")
+    windows = [*storeys(*FLOORS_M[:2]), door]
+    (*_, whole) = doors_of_columns(windows, fronts(), np.zeros(SHAPE, bool), GRID)
+    assert whole.y_m == pytest.approx(floor, abs=0.06)

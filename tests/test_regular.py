@@ -160,3 +160,12 @@ def test_the_height_of_doors_does_not_complete_a_window():
     assert result[-1].y_m == pytest.approx(1.4, abs=0.02)
     tall = corrected([*(replace(door, label="window") for door in doors), plain], seen)
     assert tall[-1].y_m == pytest.approx(0.5, abs=0.02)
+
+
+def test_the_width_of_windows_does_not_complete_a_door():
+    plain = [window(1 + 2 * c, 1.4, 1.4, 1.2) for c in range(4)]
+    door = window(12.0, 0.4, 0.9, 2.2, label="balcony_door")
+    seen = hide((12.9, 14.0, 0.0, 3.0))
+    assert corrected([*plain, door], seen)[-1].width_m == pytest.approx(0.9, abs=0.02)
+    narrow = corrected([*plain, replace(door, label="window")], seen)[-1]
+    assert narrow.width_m == pytest.approx(1.4, abs=0.03)

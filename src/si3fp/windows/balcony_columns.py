@@ -50,12 +50,15 @@ class BalconyColumn:
         (K,) where the undersides of the slabs meet the wall, from below.
     edges_m
         (K,) where their outer edges appear on the wall plane.
+    ahead_m
+        How far they stand out.
     """
 
     left_m: float
     right_m: float
     slabs_m: FloatArray
     edges_m: FloatArray
+    ahead_m: float
 
 
 def balcony_columns(
@@ -119,7 +122,7 @@ def balcony_columns(
         sure = balconies.boxes_px[group[balconies.scores[group] >= sure_score]]
         left, _, right, _ = np.median(sure, axis=0)
         (left_m, _), (right_m, _) = grid.facade_from_pixels(np.array([[left, 0], [right, 0]]))
-        columns.append(BalconyColumn(left_m, right_m, slabs_m[storeys], edges_m[storeys]))
+        columns.append(BalconyColumn(left_m, right_m, slabs_m[storeys], edges_m[storeys], ahead_m))
     return tuple(sorted(columns, key=lambda column: column.left_m))
 
 

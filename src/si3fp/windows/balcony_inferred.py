@@ -53,21 +53,24 @@ def doors_of_columns(
     Notes
     -----
     Rows and columns add windows with the sills of a row. In a column of doors they are doors, and
-    so is an inferred one alone above a balcony.
+    so is an inferred one alone above a balcony, but not in a column of windows that show.
     """
     boxes = _pixels(windows, grid)
     doors = boxes[[_is_door(window) for window in windows]].reshape(-1, 4)
+    told = [window.label == "window" and window.origin == "detected" for window in windows]
     result = list(windows)
     for front, sigma in zip(fronts.boxes_px, fronts.edge_sigma_px, strict=True):
         behind = openings_behind(front, boxes, wall_seen, grid.m_per_px).tolist()
         for i in behind:
             window = windows[i]
             alone = len(behind) == 1 and window.origin == "inferred"
+            alone &= not in_column(boxes[i], boxes[told], grid.m_per_px).any()
             if not alone and not in_column(boxes[i], doors, grid.m_per_px).any():
                 continue
             foot, foot_sigma = door_foot(front[3], sigma[3], boxes[i, 1], grid.m_per_px)
             foot_m = float(grid.facade_from_pixels([front[0], foot])[1])
-            if foot_m < window.y_m and window.label == "window":
+            whole = window.label == "balcony_door" and window.origin == "detected"
+            if foot_m < window.y_m and not whole:
                 left, right, _, top = window.edge_sigma_m
                 result[i] = replace(
                     window,

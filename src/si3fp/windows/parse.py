@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from si3fp.config import FusionConfig, MeasureConfig
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Detections, FacadeGrid, FacadeViews, OrthoImage, Window
-from si3fp.windows.balcony_columns import balcony_columns, covers
+from si3fp.windows.balcony_columns import BalconyColumn, balcony_columns, covers
 from si3fp.windows.balcony_frames import parted, shared_frames
 from si3fp.windows.balcony_fronts import hidden_by, hiding_fronts, in_columns
 from si3fp.windows.balcony_inferred import doors_of_columns, repeated_doors
@@ -22,6 +22,7 @@ from si3fp.windows.fuse import FusedDetections, combine, fuse_views, views_that_
 from si3fp.windows.interval import WwrErrors, wwr_interval
 from si3fp.windows.join import join_openings
 from si3fp.windows.lattice import complete_windows
+from si3fp.windows.loggias import find_loggias, moved_back, on_back_walls
 from si3fp.windows.measure import (
     EdgeLever,
     edges_from_box,
@@ -91,32 +92,31 @@ def parse_facade(
     best = sorted(views.views, key=lambda view: -view.valid.mean())[: fusion.max_views]
     per_view = {view.source: detector.detect(view, grid.m_per_px) for view in best}
     on_fused = detector.detect(fused, grid.m_per_px)
-    agreed = fuse_views(
-        {name: of_label(found) for name, found in per_view.items()},
-        fusion,
-        {view.source: view.valid for view in best},
-    )
-    proposed = combine(agreed, of_label(on_fused), views.views, fusion)
-    balconies = of_label(on_fused, "balcony")
     threshold = detector.thresholds["window"]
-    fronts = hiding_fronts(
-        balconies,
-        proposed.detections.boxes_px[proposed.detections.scores >= threshold],
-        detector.thresholds["balcony"],
-        grid.m_per_px,
+
+    def propose(by_view: Mapping[str, Detections], on_image: Detections) -> FusedDetections:
+        windows = {name: of_label(found) for name, found in by_view.items()}
+        agreed = fuse_views(windows, fusion, {view.source: view.valid for view in best})
+        return combine(agreed, of_label(on_image), views.views, fusion)
+
+    proposed = propose(per_view, on_fused)
+    fronts, columns, balconies = _balconies(
+        on_fused, _sure(proposed, threshold), detector, cameras_in_facade, grid
     )
-    balconies = balconies.select(balconies.scores >= detector.thresholds["balcony"])
-    sure_px = proposed.detections.boxes_px[proposed.detections.scores >= threshold]
-    columns = balcony_columns(
-        of_label(on_fused, "balcony"),
-        sure_px,
-        detector.thresholds["balcony"],
-        list(cameras_in_facade.values()),
-        grid,
-    )
-    fronts = covers(fronts, columns, grid)
-    frames = shared_frames(sure_px, in_columns(balconies, sure_px), columns, fused, grid)
     seen = wall_seen(fused, views.views)
+    loggias = find_loggias(fronts, columns, views.views, cameras_in_facade, grid, measure)
+    image = fused
+    if len(loggias.openings_px):
+        image, behind = on_back_walls(fused, views.views, loggias, cameras_in_facade, grid)
+        seen = np.where(np.isfinite(behind), behind, seen)
+        on_fused = detector.detect(image, grid.m_per_px)
+        moved = {
+            name: moved_back(found, cameras_in_facade[name], loggias, grid)
+            for name, found in per_view.items()
+        }
+        proposed = propose(moved, on_fused)
+    sure_px = _sure(proposed, threshold)
+    frames = shared_frames(sure_px, in_columns(balconies, sure_px), columns, image, grid)
     seen[hidden_by(fronts, seen.shape)] = 0
     shows = seen >= HALF_SEEN
 
@@ -125,7 +125,7 @@ def parse_facade(
             return (UNKNOWN_RECESS,) * len(boxes)
         found = estimate_recess(boxes, views.views, cameras_in_facade, grid.m_per_px, measure)
         hidden = feet_hidden(boxes, shows, grid.m_per_px) & in_columns(fronts, boxes)
-        return of_the_others(found, ~hidden)
+        return of_the_others(found, ~hidden & ~loggias.holds(boxes))
 
     def measured(
         found: FusedDetections, recesses: Sequence[RecessEstimate] | None
@@ -142,18 +142,45 @@ def parse_facade(
         names = views_that_saw(box_px, views.views)
         return {name: cameras_in_facade[name] for name in names} or cameras_in_facade
 
-    found = find_windows(proposed, fused, seen, grid, threshold, measure, recess_of, measured)
+    found = find_windows(proposed, image, seen, grid, threshold, measure, recess_of, measured)
     openings = [
         opening_box(box, grid, cameras_of(box), recess, measure)
         for box, recess in zip(found.boxes_px, found.recesses, strict=True)
     ]
-    picture = sharpen_windows(fused, views.views, openings, found.recesses, cameras_in_facade, grid)
+    # What stands in a loggia is sharp already.
+    recesses = [
+        UNKNOWN_RECESS if inside else recess
+        for inside, recess in zip(loggias.holds(found.boxes_px), found.recesses, strict=True)
+    ]
+    whole = replace(image, valid=fused.valid)
+    picture = sharpen_windows(whole, views.views, openings, recesses, cameras_in_facade, grid)
     windows = parted(found.windows, frames)
     windows = doors_of_columns(windows, fronts, shows, grid)
     windows = repeated_doors(windows, fronts, shows, grid, measure)
     found = replace(found, windows=windows)
     interval = interval_of(found, fused, grid, detector.wwr_errors)
     return ParsedFacade(found.windows, per_view, on_fused, picture, interval)
+
+
+def _sure(proposed: FusedDetections, threshold: float) -> FloatArray:
+    """Boxes (N, 4) of what scores at least as much."""
+    return proposed.detections.boxes_px[proposed.detections.scores >= threshold]
+
+
+def _balconies(
+    found: Detections,
+    openings_px: FloatArray,
+    detector: WindowDetector,
+    cameras_in_facade: Mapping[str, FloatArray],
+    grid: FacadeGrid,
+) -> tuple[Detections, tuple[BalconyColumn, ...], Detections]:
+    """What balconies hide before openings (N, 4), their columns, and the sure ones."""
+    balconies, least = of_label(found, "balcony"), detector.thresholds["balcony"]
+    cameras = list(cameras_in_facade.values())
+    columns = balcony_columns(balconies, openings_px, least, cameras, grid)
+    fronts = hiding_fronts(balconies, openings_px, least, grid.m_per_px)
+    sure = balconies.select(np.flatnonzero(balconies.scores >= least))
+    return covers(fronts, columns, grid), columns, sure
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -150,7 +150,8 @@ def _completed(
     """Windows that go on behind what hides them, (N, 4) which sides moved, and words about it.
 
     The size comes from windows that share the opposite side, or else from those of its row (its
-    column); most of them must agree. Doors do not tell the height of a window.
+    column); most of them must agree. Doors do not tell the size of a window,
+    nor windows the width of a door.
     """
     edges, sigma = frames.edges_m.copy(), frames.sigma_m.copy()
     completed = np.zeros(edges.shape, bool)
@@ -159,8 +160,8 @@ def _completed(
         opposite = OPPOSITE[side]
         across = (2, 3) if side < 2 else (0, 1)
         whole = ~hidden[:, side] & ~hidden[:, opposite]
-        if side >= 2 and labels[i] == "window":
-            whole &= labels == "window"
+        if side < 2 or labels[i] == "window":
+            whole &= labels == labels[i]
         aligned = whole & _together(frames.levels[opposite], i)
         if aligned.sum() < 2:
             aligned |= whole & _together(frames.levels[across[0]], i)

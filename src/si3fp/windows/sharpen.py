@@ -79,8 +79,8 @@ def sharpen_windows(
         parts, weights = [], []
         for view in known:
             camera = cameras_in_facade[view.source]
-            parts.append(_glass_part(view, box, area, camera, depth_px, grid))
-            weights.append(_weight(area, camera, grid))
+            parts.append(view_behind(view, box, area, camera, depth_px, grid))
+            weights.append(weight_within(area, camera, grid))
         inside = blend(parts, weights, gains)
         old = rgb[top:bottom, left:right]
         wall = [
@@ -96,7 +96,7 @@ def sharpen_windows(
     return OrthoImage(fused.source, rgb, fused.valid, fused.depth_m, fused.seen_by)
 
 
-def _glass_part(
+def view_behind(
     view: OrthoImage,
     box: FloatArray,
     area: tuple[int, int, int, int],
@@ -104,7 +104,23 @@ def _glass_part(
     depth_px: float,
     grid: FacadeGrid,
 ) -> OrthoImage:
-    """A view of the glass plane in ``area``, valid where its line of sight passes the opening."""
+    """A view of a plane behind the wall in ``area``, valid where it sees that past an opening.
+
+    Parameters
+    ----------
+    view
+        Registered view on the wall plane.
+    box
+        (4,) x0 y0 x1 y1 of the opening in the wall.
+    area
+        The part of the plane that is shown, likewise.
+    camera
+        Optical centre (3,) in the facade frame.
+    depth_px
+        Depth of the plane behind the wall, in pixels.
+    grid
+        Grid of the view.
+    """
     left, top, right, bottom = area
     foot = grid.pixels_from_facade(camera[:2])
     shrink, shift = seen_from(foot, float(camera[2]) / grid.m_per_px, depth_px)
@@ -147,10 +163,10 @@ def _share(glass: FloatArray, wall: FloatArray, parts: Sequence[OrthoImage]) -> 
     return share
 
 
-def _weight(
+def weight_within(
     area: tuple[int, int, int, int], camera: FloatArray, grid: FacadeGrid
 ) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
-    """(h, w) resolution of a view in ``area``, as for the fused image."""
+    """(h, w) resolution of the view of a ``camera`` (3,) in ``area``, as for the fused image."""
     left, top, right, bottom = area
     x = (np.arange(left, right) + 0.5) * grid.m_per_px - camera[0]
     y = (grid.height_px - np.arange(top, bottom) - 0.5) * grid.m_per_px - camera[1]
