@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import spsolve
 
@@ -50,23 +51,53 @@ class RegisteredFacade:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class _Unknowns:
+    """Where each unknown stands: poses by view id, then planes and drifts by facade.
+
+    Poses and planes are in standard deviations, drifts are parameters of a motion.
+    """
+
+    poses: Mapping[str, slice]
+    planes: tuple[slice, ...]
+    drifts: tuple[slice, ...]
+    size: int
+
+    @classmethod
+    def of(cls, facades: Sequence[RegisteredFacade]) -> _Unknowns:
+        """Those of all facades and of every panorama that is used on one of them."""
+        names = sorted({one.source for each in facades for one in each.registrations if one.used})
+        first, each = len(names) * POSE, PLANE + DRIFT
+        starts = [first + k * each for k in range(len(facades))]
+        return cls(
+            {name: slice(k * POSE, (k + 1) * POSE) for k, name in enumerate(names)},
+            tuple(slice(start, start + PLANE) for start in starts),
+            tuple(slice(start + PLANE, start + each) for start in starts),
+            first + len(facades) * each,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class _Sighting:
-    """One used view of one facade, with its slots among the unknowns."""
+    """One used view of one facade.
+
+    Attributes
+    ----------
+    facade
+        Its index.
+    slots
+        (16,) indices of its pose, plane and drift among the unknowns.
+    sigmas
+        (8,) standard deviations of pose and plane.
+    motion, observed, root
+        What errors do, the homography in metres that registration found, and how sure it is.
+    """
 
     facade: int
-    pose_at: slice
-    plane_at: slice
-    drift_at: slice
+    slots: NDArray[np.int_]
+    sigmas: FloatArray
     motion: PoseMotion
     observed: FloatArray
     root: FloatArray
-    sigmas: FloatArray
-
-    @property
-    def slots(self) -> FloatArray:
-        """Indices (16,) of pose, plane and drift among the unknowns."""
-        parts = (self.pose_at, self.plane_at, self.drift_at)
-        return np.concatenate([np.arange(part.start, part.stop) for part in parts])
 
 
 def without_drift(
@@ -88,19 +119,14 @@ def without_drift(
     config
         Accuracy of the poses.
     """
-    sightings, size = _sightings(facades, panoramas, config)
-    if not sightings:
+    unknowns = _Unknowns.of(facades)
+    if not unknowns.poses:
         return tuple(facade.registrations for facade in facades)
-    state = np.zeros(size)
-    drifts = [np.eye(3) for _ in facades]
-    precision = np.ones(size)
-    for sighting in sightings:
-        precision[sighting.drift_at] = DRIFT_SIGMA**-2
+    sightings = _sightings(facades, unknowns, panoramas, config)
+    state = np.zeros(unknowns.size)
     for _ in range(ROUNDS):
-        step = _step(sightings, state, drifts, precision)
-        state += step
-        for sighting in {sighting.facade: sighting for sighting in sightings}.values():
-            drifts[sighting.facade] = motion_matrix(state[sighting.drift_at])
+        state += _step(sightings, unknowns, state)
+    drifts = [motion_matrix(state[at]) for at in unknowns.drifts]
     return tuple(
         tuple(_moved_back(one, drift, facade.grid) for one in facade.registrations)
         for facade, drift in zip(facades, drifts, strict=True)
@@ -108,30 +134,27 @@ def without_drift(
 
 
 def _sightings(
-    facades: Sequence[RegisteredFacade], panoramas: Mapping[str, Panorama], config: AlignConfig
-) -> tuple[list[_Sighting], int]:
-    """All used views, and the number of unknowns: poses, then plane and drift of each facade."""
-    used = [(k, one) for k, each in enumerate(facades) for one in each.registrations if one.used]
-    place = {name: k * POSE for k, name in enumerate(sorted({one.source for _, one in used}))}
-    first = len(place) * POSE
-    size = first + len(facades) * (PLANE + DRIFT)
-    sightings = []
-    for k, one in used:
-        facade, start = facades[k], first + k * (PLANE + DRIFT)
-        motion = PoseMotion.of(panoramas[one.source], facade.grid)
-        sightings.append(
-            _Sighting(
-                k,
-                slice(place[one.source], place[one.source] + POSE),
-                slice(start, start + PLANE),
-                slice(start + PLANE, start + PLANE + DRIFT),
-                motion,
-                in_metres(one.grid_from_view, facade.grid),
-                _root(one.information),
-                np.concatenate([pose_sigmas(config), facade.plane_sigma]),
-            )
+    facades: Sequence[RegisteredFacade],
+    unknowns: _Unknowns,
+    panoramas: Mapping[str, Panorama],
+    config: AlignConfig,
+) -> list[_Sighting]:
+    every = np.arange(unknowns.size)
+    return [
+        _Sighting(
+            k,
+            np.concatenate(
+                [every[unknowns.poses[one.source]], every[unknowns.planes[k]], every[drift]]
+            ),
+            np.concatenate([pose_sigmas(config), facade.plane_sigma]),
+            PoseMotion.of(panoramas[one.source], facade.grid),
+            in_metres(one.grid_from_view, facade.grid),
+            _root(one.information),
         )
-    return sightings, size
+        for k, (facade, drift) in enumerate(zip(facades, unknowns.drifts, strict=True))
+        for one in facade.registrations
+        if one.used
+    ]
 
 
 def _root(information: FloatArray | None) -> FloatArray:
@@ -144,34 +167,27 @@ def _root(information: FloatArray | None) -> FloatArray:
     return root
 
 
-def _step(
-    sightings: Sequence[_Sighting],
-    state: FloatArray,
-    drifts: Sequence[FloatArray],
-    precision: FloatArray,
-) -> FloatArray:
-    """Gauss-Newton step of all unknowns; poses and planes are in standard deviations."""
-    rows, columns, values = [], [], []
-    precision = precision.copy()
-    for start in {sighting.pose_at.start for sighting in sightings}:
-        pose = slice(start, start + POSE)
-        precision[pose] /= 1 + state[pose] @ state[pose] / POSE
+def _step(sightings: Sequence[_Sighting], unknowns: _Unknowns, state: FloatArray) -> FloatArray:
+    """Gauss-Newton step of all unknowns."""
+    precision = np.ones(unknowns.size)
+    for at in unknowns.poses.values():
+        precision[at] = 1 / (1 + state[at] @ state[at] / POSE)
+    for at in unknowns.drifts:
+        precision[at] = DRIFT_SIGMA**-2
+    undo = [np.linalg.inv(motion_matrix(state[at])) for at in unknowns.drifts]
     gradient = precision * state
+    rows, columns, values = [], [], []
     for one in sightings:
-        errors = np.concatenate([state[one.pose_at], state[one.plane_at]]) * one.sigmas
-        expected = one.motion(errors)
-        found = one.motion.parameters(np.linalg.inv(drifts[one.facade]) @ one.observed)
-        residual = one.root @ ((expected - found) / FLOOR)
-        slope = np.zeros((len(FLOOR), POSE + PLANE + DRIFT))
-        slope[:, : POSE + PLANE] = one.motion.slopes(errors, one.sigmas).T
-        slope[:, POSE + PLANE :] = np.eye(DRIFT)
-        slope = one.root @ (slope / FLOOR[:, None])
+        errors = state[one.slots[: POSE + PLANE]] * one.sigmas
+        found = one.motion.parameters(undo[one.facade] @ one.observed)
+        residual = one.root @ ((one.motion(errors) - found) / FLOOR)
+        by_errors = one.motion.slopes(errors, one.sigmas).T
+        slope = one.root @ (np.hstack([by_errors, np.eye(DRIFT)]) / FLOOR[:, None])
         weight = 1 / (1 + residual @ residual / len(FLOOR))
-        slots = one.slots
-        gradient[slots] += weight * (slope.T @ residual)
+        gradient[one.slots] += weight * (slope.T @ residual)
         values.append((weight * slope.T @ slope).ravel())
-        rows.append(np.repeat(slots, len(slots)))
-        columns.append(np.tile(slots, len(slots)))
+        rows.append(np.repeat(one.slots, len(one.slots)))
+        columns.append(np.tile(one.slots, len(one.slots)))
     every = np.arange(len(state))
     normal = csc_array(
         (
