@@ -113,6 +113,7 @@ def parse_facade(
         moved = {
             name: moved_back(found, cameras_in_facade[name], loggias, grid)
             for name, found in per_view.items()
+            if name in cameras_in_facade
         }
         proposed = propose(moved, on_fused)
     sure_px = _sure(proposed, threshold)
