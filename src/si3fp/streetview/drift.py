@@ -29,6 +29,8 @@ DRIFT = 8
 """A drift is any motion: that the mean of the views does not move is no observation."""
 DRIFT_SIGMA = np.array([100.0] * 2 + [10.0] * 4 + [1.0] * 2)
 """A bound where a facade has hardly any view, not a belief."""
+MISSES = 2.0
+"""A motion is known to this many times the median distance of its matches, and no better."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,7 +151,7 @@ def _sightings(
             np.concatenate([pose_sigmas(config), facade.plane_sigma]),
             PoseMotion.of(panoramas[one.source], facade.grid),
             in_metres(one.grid_from_view, facade.grid),
-            _root(one.information),
+            _root(one, facade.grid),
         )
         for k, (facade, drift) in enumerate(zip(facades, unknowns.drifts, strict=True))
         for one in facade.registrations
@@ -157,13 +159,18 @@ def _sightings(
     ]
 
 
-def _root(information: FloatArray | None) -> FloatArray:
-    """Square root (8, 8) of what is known of a motion, in units of `FLOOR`; None is all of it."""
-    if information is None:
+def _root(one: Registration, grid: FacadeGrid) -> FloatArray:
+    """Square root (8, 8) of what is known of a motion, in units of `FLOOR`.
+
+    Matches by the hundred would tell a motion to millimetres; walls that bulge and mouldings that
+    stand out err alike in all of them, by as much as the view's matches miss one another.
+    """
+    if one.information is None or one.residual_after_px is None:
         return np.eye(len(FLOOR))
-    values, vectors = np.linalg.eigh(information * np.outer(FLOOR, FLOOR))
+    spread = max(1.0, MISSES * one.residual_after_px * grid.m_per_px / FLOOR[0])
+    values, vectors = np.linalg.eigh(one.information * np.outer(FLOOR, FLOOR))
     values = np.maximum(values, 0.0)
-    root: FloatArray = (vectors * np.sqrt(values / (1 + values))) @ vectors.T
+    root: FloatArray = (vectors * np.sqrt(values / (1 + spread**2 * values))) @ vectors.T
     return root
 
 
