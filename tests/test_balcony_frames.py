@@ -118,6 +118,13 @@ def test_a_frame_that_shows_badly_has_the_sides_of_its_column():
     assert lefts == pytest.approx([1.0] * 3)
 
 
+def test_below_the_lowest_balcony_a_wide_window_is_one():
+    upper = SharedFrame(*LEFT, 0.9, True, tuple(SLABS[1:]))
+    storeys = [window(LEFT, f + 0.9, f + 2.2) for f in FLOORS_M]
+    assert [w for w in parted(storeys, (upper,)) if w in storeys] == storeys[:1]
+    assert len(parted(storeys, (upper,))) == 5
+
+
 def test_what_was_inferred_stays_so_in_both_parts():
     wide = window(LEFT, 4.2, 5.5, origin="inferred", score=0.8, evidence="not detected")
     parts = parted([wide], (FRAME,))

@@ -38,18 +38,14 @@ BESIDE_M = (0.16, 0.4)
 """Where beside the frame the wall is looked at, at the same height: behind the same bars."""
 MOST_CONTRAST = 40.0
 """A storey says no more; in 8-bit CIE Lab."""
-LEAST_CONTRAST = 14.0
-"""How far the door stands out from the wall below the sill, at least, on the storey that shows it
-best: the mean of the best two of a column."""
 BEST = 2
-CLEARER = 2.0
-"""And by how much more on its side than on the other."""
+"""Storeys of a column whose mean counts: those that show the door best."""
+LEAST_CONTRAST, CLEARER = 14.0, 2.0
+"""How far the door stands out there, at least, and by what factor more than on the other side."""
 SAME_SPAN = 0.6
 """What spans the same part of the facade is of one column: intersection over union."""
-NEAR_M = 0.2
-"""Sides of one column lie no farther apart, as they show."""
-SAME_HEAD_M = 0.3
-"""Heads of one storey differ by no more."""
+NEAR_M, SAME_HEAD_M = 0.2, 0.3
+"""Sides of one column, and heads of one storey, lie no farther apart as they show."""
 LEAST_ROW = 2
 """Windows that tell the sill of a storey."""
 BINS = 64
@@ -139,49 +135,55 @@ def parted(windows: Sequence[Window], frames: Sequence[SharedFrame]) -> tuple[Wi
     Notes
     -----
     The door goes down to the slab, the window to the sill that its storey's other windows share;
-    where these do not tell, it ends as it showed.
+    where these do not tell, it ends as it showed. A storey without a balcony keeps one window.
     """
     edges_m = edges_of(windows)
     result = []
-    for index, window in enumerate(windows):
-        mine = [frame for frame in frames if _same_span(edges_m[index], frame)]
-        if not mine:
+    for window, edges in zip(windows, edges_m, strict=True):
+        mine = [frame for frame in frames if _same_span(edges, frame)]
+        door = _foot(float(edges[3]), mine[0]) if mine else None
+        if door is None:
             result.append(window)
             continue
-        frame, words = mine[0], f"{window.evidence}; {TOLD}"
-        left, right = _usual_sides(edges_m[index], edges_m, frame)
-        bottom, top = edges_m[index, 2:].tolist()
-        sigma = window.edge_sigma_m
-        post = left + frame.door_m if frame.door_left else right - frame.door_m
+        foot, foot_sigma = door
+        left, right = _usual_sides(edges, edges_m, mine[0])
+        post = left + mine[0].door_m if mine[0].door_left else right - mine[0].door_m
         sides = [(left, post), (post, right)]
-        door, beside = sides if frame.door_left else sides[::-1]
-        slabs = [s for s in frame.slabs_m if BALCONY_DOOR_HEIGHT_M < top - s < HIGHEST_DOOR_M]
-        slab = slabs[0] if slabs else top - DOOR_M - SLAB_M
-        foot, foot_sigma = door_foot(-slab, 0.0, -top, 1.0)
-        sill = _sill_of_row(edges_m[index], edges_m)
-        (d_left, d_right), (w_left, w_right) = door, beside
+        (d_left, d_right), (w_left, w_right) = sides if mine[0].door_left else sides[::-1]
+        sill = _sill_of_row(edges, edges_m)
+        sill = window.y_m if sill is None else sill
+        sigma = window.edge_sigma_m
+        told = replace(window, evidence=f"{window.evidence}; {TOLD}")
         result += [
             replace(
-                window,
+                told,
                 x_m=d_left,
                 width_m=d_right - d_left,
-                y_m=-foot,
-                height_m=top + foot,
+                y_m=foot,
+                height_m=float(edges[3]) - foot,
                 label="balcony_door",
                 edge_sigma_m=(sigma[0], sigma[1], round(foot_sigma, 4), sigma[3]),
-                evidence=words,
             ),
             replace(
-                window,
+                told,
                 x_m=w_left,
                 width_m=w_right - w_left,
-                y_m=bottom if sill is None else sill,
-                height_m=top - (bottom if sill is None else sill),
+                y_m=sill,
+                height_m=float(edges[3]) - sill,
                 label="window",
-                evidence=words,
             ),
         ]
     return tuple(sorted(result, key=lambda w: (-round(w.y_m, 1), w.x_m)))
+
+
+def _foot(head_m: float, frame: SharedFrame) -> tuple[float, float] | None:
+    """Foot of a door and its standard deviation; None where its storey has no balcony."""
+    slabs = [s for s in frame.slabs_m if BALCONY_DOOR_HEIGHT_M < head_m - s < HIGHEST_DOOR_M]
+    if frame.slabs_m and not slabs:
+        return None
+    slab = slabs[0] if slabs else head_m - DOOR_M - SLAB_M
+    foot, sigma = door_foot(-slab, 0.0, -head_m, 1.0)
+    return -foot, sigma
 
 
 def _usual_sides(
