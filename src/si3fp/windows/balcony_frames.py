@@ -46,8 +46,7 @@ SAME_SPAN = 0.6
 """What spans the same part of the facade is of one column: intersection over union."""
 NEAR_M, SAME_HEAD_M = 0.2, 0.3
 """Sides of one column, and heads of one storey, lie no farther apart as they show."""
-LEAST_ROW = 2
-"""Windows that tell the sill of a storey."""
+LEAST_ROW = 2  # windows that tell the sill of a storey
 BINS = 64
 TOLD = "door and window in one frame, as the wall below the sill shows"
 
@@ -181,8 +180,8 @@ def _foot(head_m: float, frame: SharedFrame) -> tuple[float, float] | None:
     slabs = [s for s in frame.slabs_m if BALCONY_DOOR_HEIGHT_M < head_m - s < HIGHEST_DOOR_M]
     if frame.slabs_m and not slabs:
         return None
-    slab = slabs[0] if slabs else head_m - DOOR_M - SLAB_M
-    foot, sigma = door_foot(-slab, 0.0, -head_m, 1.0)
+    slabs.append(head_m - DOOR_M - SLAB_M)
+    foot, sigma = door_foot(-slabs[0], 0.0, -head_m, 1.0)
     return -foot, sigma
 
 
