@@ -134,7 +134,7 @@ def parted(windows: Sequence[Window], frames: Sequence[SharedFrame]) -> tuple[Wi
     Notes
     -----
     The door goes down to the slab, the window to the sill that its storey's other windows share;
-    where these do not tell, it ends as it showed. A storey without a balcony keeps one window.
+    where these do not tell, it ends as it showed. Below the lowest balcony it stays one.
     """
     edges_m = edges_of(windows)
     result = []
@@ -176,9 +176,9 @@ def parted(windows: Sequence[Window], frames: Sequence[SharedFrame]) -> tuple[Wi
 
 
 def _foot(head_m: float, frame: SharedFrame) -> tuple[float, float] | None:
-    """Foot of a door and its standard deviation; None where its storey has no balcony."""
+    """Foot of a door and its standard deviation; None below the lowest balcony of its column."""
     slabs = [s for s in frame.slabs_m if BALCONY_DOOR_HEIGHT_M < head_m - s < HIGHEST_DOOR_M]
-    if frame.slabs_m and not slabs:
+    if frame.slabs_m and head_m < frame.slabs_m[0] + BALCONY_DOOR_HEIGHT_M:
         return None
     slabs.append(head_m - DOOR_M - SLAB_M)
     foot, sigma = door_foot(-slabs[0], 0.0, -head_m, 1.0)
