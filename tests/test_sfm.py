@@ -21,6 +21,7 @@ from si3fp.camera2d.overlap import Features
 from si3fp.camera2d.photo_pairs import pairs_to_match
 from si3fp.camera2d.scale import scale_from_distances
 from si3fp.camera2d.sfm import PhotoFile, reconstruct, triangulate_known
+from si3fp.camera2d.unfold import displaced, follows
 from si3fp.config import CaptureConfig, SfmConfig
 from si3fp.errors import InputError, ReconstructionError
 from si3fp.geometry.pinhole import Pinhole
@@ -324,6 +325,42 @@ def test_a_folded_model_is_noticed():
     sound = coherence(two_walks(alike=1.0), {}, SfmConfig())
     assert sound.neighbours == folded.neighbours
     assert sound.strangers == ()
+
+
+def test_the_stretch_of_a_walk_that_was_laid_on_another_is_found():
+    """Photos 5 to 11 of 16 lie where 0 to 6 are; those that follow each other share 100 matches."""
+    followed = {(n, n + 1): 100 for n in range(15) if n not in (4, 11)} | {(0, 15): 100}
+    false = {(n, n + 5): 60 for n in range(5)}
+    strangers = [(0, 5), (1, 6), (2, 7), (4, 9)]
+    stretch = displaced(range(16), strangers, followed | false)
+    assert stretch in (set(range(5, 12)), {*range(5), *range(12, 16)})
+    assert displaced(range(16), [], followed) == frozenset()
+    # The walk is a ring, and photos that are not in the model leave their numbers.
+    numbers = [2 * n + 1 for n in (*range(8, 16), *range(8))]
+    turned = {n: numbers[n] for n in range(16)}
+    moved = displaced(
+        sorted(turned.values()),
+        [tuple(sorted((turned[a], turned[b]))) for a, b in strangers],
+        {tuple(sorted((turned[a], turned[b]))): m for (a, b), m in (followed | false).items()},
+    )
+    expected = {turned[n] for n in range(5, 12)}
+    assert moved in (expected, {*turned.values()} - expected)
+
+
+def test_matches_are_followed_only_at_distances_that_a_photo_sees():
+    """Along a walk, what repeats on a wall lies on the epipolar line of what it is taken for."""
+    model = two_walks(alike=1.0)
+    cameras = [model.photos[number].cam_from_world for number in (0, 3)]
+    points = model.points[model.seen[0]]
+    there = [camera.apply(points) for camera in cameras]
+    rays = tuple(place / place[:, 2:] for place in there)
+    assert follows(rays, (0, 3), model, SfmConfig()).all()
+    baseline = (cameras[1] @ cameras[0].inverse()).translation
+    shifted = there[1] - 1.5 * baseline  # as if the second photo were farther back on the walk
+    wrong = (rays[0], shifted / shifted[:, 2:])
+    first, second = model.photos[0], model.photos[3]
+    assert agreeing_share(wrong, first, second, SfmConfig()) == 1.0
+    assert not follows(wrong, (0, 3), model, SfmConfig()).any()
 
 
 def test_photos_from_one_place_are_no_measure_for_those_a_step_aside():

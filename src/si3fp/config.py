@@ -78,6 +78,8 @@ class SfmConfig:
     stranger_share: float = 0.3  # decision: of the common points; correct models: 0.62 and up
     stranger_of_usual: float = 0.6  # decision: of the usual share; correct models: 0.78 and up
     min_strangers: int = 3  # decision: pairs; one may have a van before the lens
+    strangers_of_neighbours: float = 0.05  # decision: least share of the pairs side by side
+    most_folds: int = 3  # decision: that are taken apart, one after the other
     agree_share: float = 1 / 600  # decision: of the longer side, error of a match; 4 px in 2400
     strong_matches: int = 100  # decision: two correct models rejected 41 and 21 at most
 

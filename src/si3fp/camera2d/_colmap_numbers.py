@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pycolmap
+from numpy.typing import NDArray
 
 from si3fp.camera2d.coherence import ModelView, Pair
 from si3fp.geometry.pinhole import Pinhole
@@ -50,6 +52,22 @@ def verified_matches(database: Any) -> dict[Pair, tuple[FloatArray, FloatArray]]
                 pixels[number] = database.read_keypoints(number)[:, :2].astype(np.float64)
         first, second = (number - 1 for number in pair)
         found[first, second] = (pixels[pair[0]][matches[:, 0]], pixels[pair[1]][matches[:, 1]])
+    return found
+
+
+def all_matches(
+    database: Any, pairs: Sequence[Pair]
+) -> dict[Pair, tuple[NDArray[np.uint32], tuple[FloatArray, FloatArray]]]:
+    """Features (M, 2) and pixels (M, 2) in both photos of all matches of some pairs of photos."""
+    found = {}
+    for pair in pairs:
+        ids = [number + 1 for number in pair]
+        indices = database.read_matches(*ids)
+        here, there = (
+            database.read_keypoints(number)[indices[:, column], :2].astype(np.float64)
+            for column, number in enumerate(ids)
+        )
+        found[pair] = (indices, (here, there))
     return found
 
 

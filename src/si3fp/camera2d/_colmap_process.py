@@ -9,13 +9,11 @@ last. What the database already has is not done again.
 
 from __future__ import annotations
 
-import copy
 import json
 import os
 import shutil
 import sys
 import threading
-from collections import Counter
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -23,13 +21,18 @@ from typing import Any
 import numpy as np
 import pycolmap
 
-from si3fp.camera2d._colmap_numbers import rays_of, verified_matches, view
+from si3fp.camera2d._colmap_mapping import mapped, triangulated
+from si3fp.camera2d._colmap_numbers import all_matches, rays_of, verified_matches, view
 from si3fp.camera2d.coherence import (
+    Coherence,
     ModelView,
+    Pair,
     agreeing_share,
     coherence,
+    folded,
     scales_contradict,
 )
+from si3fp.camera2d.unfold import displaced, follows
 from si3fp.config import SfmConfig
 
 Job = dict[str, Any]
@@ -54,11 +57,15 @@ def main(job_path: Path) -> None:
     _say("matches")
     _match(database, job["pairs"], config, job["seed"])
     _say("cameras")
+    set_aside: list[Pair] = []
     if "poses" in job:
-        models = [_triangulate(database, folder, work, job)]
+        models = [triangulated(database, folder, work, job)]
     else:
-        models = _map(database, folder, work, config, job["seed"])
-    _write_report(database, work, models, job, config)
+        models = mapped(database, folder, work, config, job["seed"], _say)
+        models, database, set_aside = _unfolded(models, database, folder, job, config)
+    _write_report(database, work, models, set_aside, job, config)
+    for copied in work.glob("unfolded-*.db"):
+        copied.unlink()
 
 
 def _end_with_parent() -> None:
@@ -128,114 +135,75 @@ def _image_id(image: Any) -> int:
     return int(image.image_id)
 
 
-def _map(database: Path, folder: Path, work: Path, config: SfmConfig, seed: int) -> list[Any]:
-    """The models, the one with the most photos first."""
-    out = work / "sparse"
-    shutil.rmtree(out, ignore_errors=True)
-    out.mkdir()
-    if config.mapper == "global":
-        calibrated = work / "calibrated.db"  # calibration writes focal lengths
-        shutil.copyfile(database, calibrated)
-        pycolmap.calibrate_view_graph(calibrated)
-        options = pycolmap.GlobalPipelineOptions()
-        options.min_num_matches = config.min_matches
-        options.min_model_size = config.min_model_photos
-        options.random_seed = seed
-        options.num_threads = config.mapper_threads
-        options.image_path = folder
-        models = pycolmap.global_mapping(calibrated, folder, out, options)
-    else:
-        models = pycolmap.incremental_mapping(
-            database,
-            folder,
-            out,
-            _incremental(config, seed),
-            initial_image_pair_callback=lambda: _say("two cameras"),
-            next_image_callback=lambda: _say("camera"),
-        )
-    _say("refinement")
-    largest_first = sorted(models.values(), key=lambda model: -int(model.num_reg_images()))
-    return [_refined(model, config) for model in largest_first]
+def _unfolded(
+    models: list[Any], database: Path, folder: Path, job: Job, config: SfmConfig
+) -> tuple[list[Any], Path, list[Pair]]:
+    """The models, without a fold where that can be, their matches, and pairs that lost some.
 
-
-def _refined(model: Any, config: SfmConfig) -> Any:
-    """The model with all cameras and points adjusted once more, robustly.
-
-    The mapper leaves the principal point in the middle of the picture and squares the errors of
-    wrong matches. Here the principal point moves, of cameras with many photos, where that explains
-    the pictures better and stays plausible.
+    What folds a model is taken out of a copy of the database, and the cameras are sought again.
     """
-    moved = copy.deepcopy(model)
-    _adjust(moved, config, principal_point=True, robust=False)
-    for either in (model, moved):
-        either.update_point_3d_errors()
-    error_px, error_moved_px = (m.compute_mean_reprojection_error() for m in (model, moved))
-    plausible = all(
-        np.hypot(
-            camera.principal_point_x - camera.width / 2,
-            camera.principal_point_y - camera.height / 2,
-        )
-        <= config.max_principal_shift * max(camera.width, camera.height)
-        for camera in moved.cameras.values()
-    )
-    better = plausible and error_moved_px < (1 - config.principal_gain) * error_px
-    best = moved if better else model
-    _adjust(best, config, principal_point=better, robust=True)
-    best.update_point_3d_errors()
-    return best
+    lost: list[Pair] = []
+    if not models:
+        return models, database, lost
+    seen, found = _judged(models[0], database, job, config)
+    current = database
+    for number in range(config.most_folds):
+        if not folded(len(found.strangers), found.neighbours, config):
+            break
+        attempt = database.with_name(f"unfolded-{number}.db")
+        shutil.copyfile(current, attempt)
+        parted = _part(attempt, models[0], seen, found, job, config)
+        again = mapped(attempt, folder, database.parent, config, job["seed"], _say)
+        if not again or 2 * again[0].num_reg_images() < models[0].num_reg_images():
+            break
+        seen, after = _judged(again[0], attempt, job, config)
+        if 2 * len(after.strangers) > len(found.strangers):
+            break
+        models, found, current = again, after, attempt
+        lost += parted
+    return models, current, sorted(set(lost))
 
 
-def _adjust(model: Any, config: SfmConfig, *, principal_point: bool, robust: bool) -> None:
-    """Bundle adjustment; the principal point of cameras with few photos stays."""
-    problem = pycolmap.BundleAdjustmentConfig()
-    photos = Counter(model.images[number].camera_id for number in model.reg_image_ids())
-    for number in model.reg_image_ids():
-        problem.add_image(number)
-    if principal_point:
-        for camera, count in photos.items():
-            if count < config.principal_point_photos:
-                problem.set_constant_cam_intrinsics(camera)
-    problem.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
-    options = pycolmap.BundleAdjustmentOptions()
-    options.refine_principal_point = principal_point
-    options.print_summary = False
-    options.ceres.loss_function_type = (
-        pycolmap.LossFunctionType.CAUCHY if robust else pycolmap.LossFunctionType.TRIVIAL
-    )
-    options.ceres.loss_function_scale = 1.0
-    options.ceres.solver_options.max_num_iterations = config.adjustments
-    options.ceres.solver_options.num_threads = config.mapper_threads
-    pycolmap.create_default_bundle_adjuster(options, problem, model).solve()
+def _judged(model: Any, database: Path, job: Job, config: SfmConfig) -> tuple[ModelView, Coherence]:
+    seen = view(model)
+    _match_neighbours(database, [seen], job, config)
+    with pycolmap.Database.open(database) as some:
+        return seen, coherence(seen, rays_of(verified_matches(some), model), config)
 
 
-def _incremental(config: SfmConfig, seed: int) -> Any:
-    options = pycolmap.IncrementalPipelineOptions()
-    options.min_num_matches = config.min_matches
-    options.min_model_size = config.min_model_photos
-    options.random_seed = options.mapper.random_seed = options.triangulation.random_seed = seed
-    options.num_threads = options.mapper.num_threads = config.mapper_threads
-    return options
-
-
-def _triangulate(database: Path, folder: Path, work: Path, job: Job) -> Any:
-    """Points of photos whose cameras and poses are known and stay as they are."""
-    model = pycolmap.Reconstruction()
-    for number, camera in enumerate(job["cameras"], start=1):
-        model.add_camera_with_trivial_rig(pycolmap.Camera(camera_id=number, **camera))
-    for number, (photo, pose) in enumerate(zip(job["photos"], job["poses"], strict=True), start=1):
-        image = pycolmap.Image(name=photo["name"], camera_id=photo["camera"] + 1, image_id=number)
-        cam_from_world = pycolmap.Rigid3d(np.array(pose, np.float64))
-        model.add_image_with_trivial_frame(image, cam_from_world)
-    config = SfmConfig(**job["config"])
-    out = work / "sparse"
-    out.mkdir(exist_ok=True)
-    return pycolmap.triangulate_points(
-        model, database, folder, out, options=_incremental(config, job["seed"])
-    )
+def _part(
+    database: Path, model: Any, seen: ModelView, found: Coherence, job: Job, config: SfmConfig
+) -> list[Pair]:
+    """Pairs of photos whose matches folded a model; the database loses them and keeps the rest."""
+    with pycolmap.Database.open(database) as some:
+        rays = rays_of(verified_matches(some), model)
+        followed = {pair: int(follows(r, pair, seen, config).sum()) for pair, r in rays.items()}
+        stretch = displaced(sorted(seen.photos), found.strangers, followed)
+        crossing = [pair for pair in rays if (pair[0] in stretch) != (pair[1] in stretch)]
+        everything = all_matches(some, crossing)
+        rays = rays_of({pair: pixels for pair, (_, pixels) in everything.items()}, model)
+        left = []
+        for pair in crossing:
+            indices, _ = everything[pair]
+            kept = indices[~follows(rays[pair], pair, seen, config)]
+            ids = (pair[0] + 1, pair[1] + 1)
+            some.delete_two_view_geometry(*ids)
+            some.delete_matches(*ids)
+            if len(kept) >= config.min_matches:
+                some.write_matches(*ids, kept)
+                left.append(list(pair))
+    if left:
+        _match(database, left, config, job["seed"])  # what is matched is only verified
+    return [pair for pair in crossing if followed[pair]]
 
 
 def _write_report(
-    database_path: Path, work: Path, models: list[Any], job: Job, config: SfmConfig
+    database_path: Path,
+    work: Path,
+    models: list[Any],
+    set_aside: list[Pair],
+    job: Job,
+    config: SfmConfig,
 ) -> None:
     """Write the models as text and what the parent needs to judge them."""
     views = [view(model) for model in models]
@@ -265,7 +233,12 @@ def _write_report(
             }
         )
     verified = [[first, second, len(points)] for (first, second), (points, _) in matches.items()]
-    report = {"features": features, "verified": verified, "models": entries}
+    report = {
+        "features": features,
+        "verified": verified,
+        "models": entries,
+        "set_aside": set_aside,
+    }
     unfinished = work / "report.json.part"
     unfinished.write_text(json.dumps(report), encoding="utf-8")
     unfinished.replace(work / "report.json")

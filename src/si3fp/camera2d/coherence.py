@@ -135,6 +135,11 @@ def coherence(
     return Coherence(len(side_by_side), tuple(strangers), tuple(opposed))
 
 
+def folded(strangers: int, neighbours: int, config: SfmConfig) -> bool:
+    """Whether too many of the pairs of photos that lie side by side share too little."""
+    return strangers >= max(config.min_strangers, config.strangers_of_neighbours * neighbours)
+
+
 def neighbours(model: ModelView, config: SfmConfig) -> list[Neighbours]:
     """Pairs of photos that should share much, and how much they share.
 

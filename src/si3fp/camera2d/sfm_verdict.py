@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from si3fp.camera2d.advice import span
+from si3fp.camera2d.coherence import folded
 from si3fp.config import SfmConfig
 from si3fp.errors import ReconstructionError
 
@@ -85,7 +86,8 @@ def judge(
     report
         ``features`` per photo, ``verified`` triples of two photos and their number of matches,
         ``models`` with ``photos``, ``points``, ``error_px``, ``neighbours``, ``strangers``,
-        ``opposed`` and ``contradicts_first``, the largest first.
+        ``opposed`` and ``contradicts_first``, the largest first; ``set_aside`` pairs of photos
+        whose matches folded the model and were not used.
     unreadable
         Photos that the report does not know, and why.
     models_folder
@@ -120,6 +122,13 @@ def judge(
             f"{_CHECK}."
         )
     notes = list(models[0].doubts)
+    if report.get("set_aside"):
+        pairs = ", ".join(f"{names[a]} and {names[b]}" for a, b in report["set_aside"][:3])
+        notes.append(
+            f"Parts of the building look alike: matches of {len(report['set_aside'])} pairs of "
+            f"photos ({pairs}) laid one on another and were set aside. Compare the picture of the "
+            "points with the building."
+        )
     if 2 * len(models[0].photo_ids) < count:
         notes.append(
             f"Only {len(models[0].photo_ids)} of {count} photos are connected: the model shows a "
@@ -147,7 +156,7 @@ def judge(
 def _doubts(names: Sequence[str], model: Mapping[str, Any], config: SfmConfig) -> list[str]:
     strangers, opposed = model["strangers"], model["opposed"]
     doubts = []
-    if len(strangers) >= max(config.min_strangers, 0.05 * model["neighbours"]):
+    if folded(len(strangers), model["neighbours"], config):
         pairs = ", ".join(f"{names[a]} and {names[b]}" for a, b in strangers[:3])
         doubts.append(
             f"The model may be folded: it puts {len(strangers)} pairs of photos side by side, "
