@@ -19,6 +19,8 @@ from rich.progress import (
 from si3fp.steps import Progress as Report
 from si3fp.workspace import Workspace, read_json
 
+SHOWN_NOTES = 4
+
 
 def summary(run: Path) -> str:
     """A few lines on what a run found and where to look."""
@@ -44,6 +46,10 @@ def summary(run: Path) -> str:
             lines.append(
                 f"{building['id']}: {building['storeys']} storeys, WWR {building['wwr']:.3f}"
             )
+    notes = about.get("notes", [])
+    lines += [f"Note: {note}" for note in notes[:SHOWN_NOTES]]
+    if len(notes) > SHOWN_NOTES:
+        lines.append(f"{len(notes) - SHOWN_NOTES} more notes are in the report")
     if workspace.model.exists():
         lines.append(f"model: {workspace.model}")
     lines.append(f"report: {workspace.report}")
