@@ -342,6 +342,18 @@ def test_the_map_gives_the_eaves_of_a_plain_upper_storey():
     assert any(note.startswith("eaves: the map, 2.") for note in plane.notes)
 
 
+@pytest.mark.parametrize(("points_per_m2", "top_m"), [(1.5, 10.3), (0.0, 7.0)])
+def test_few_points_of_a_high_storey_are_enough_where_the_map_goes_on(points_per_m2, top_m):
+    scene = Scene(7)
+    cameras = scene.camera_row((-4, -12), (14, -12), 10)
+    scene.wall((0, 0), (10, 0), 0.2, 7.0, cameras, per_m2=60)
+    if points_per_m2:
+        scene.wall((0, 0), (10, 0), 7.0, 10.1, cameras, per_m2=points_per_m2, frames=False)
+    outline = np.array([[0, 0], [10, 0], [10, 9], [0, 9.0]])
+    (plane,) = scene.find([Footprint("h", outline, 0.0, 10.3)]).planes
+    assert plane.corners_in_world[2, 2] == pytest.approx(top_m, abs=0.15)
+
+
 def test_a_map_that_gives_the_ridge_is_not_believed():
     scene = Scene(7)
     cameras = scene.camera_row((-4, -12), (14, -12), 10)

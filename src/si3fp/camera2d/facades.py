@@ -25,6 +25,9 @@ from si3fp.model import Footprint, Missing, Photo, SparsePoints
 
 _MIN_SIGHTS = 5  # points of a wall that a photo must have seen
 _PLAIN_M = 2.5  # a wall may go on so far above its points; higher, the map means the roof
+_THIN_M = 4.0  # and so far where single points of it go on up to what the map says
+_THIN_POINTS = 10
+_THIN_SPREAD = 0.15  # of the wall's width, their standard deviation along it; not a chimney
 _MENTIONED_M = 1.0  # narrower pieces of wall are not worth a word
 
 
@@ -209,7 +212,7 @@ def _named_by_edge(
                 missing.append(Missing(name, "coverage", "no points of a wall lie on this edge"))
             for number, piece in enumerate(own, start=1):
                 wall = walls[piece.wall]
-                ground, eaves = _heights(wall, footprint)
+                ground, eaves = _heights(wall, footprint, points)
                 cut = _Wall(wall.run, piece.left, piece.right, ground, eaves)
                 suffix = f".{number}" if number > 1 else ""
                 planes.append(
@@ -218,16 +221,28 @@ def _named_by_edge(
     return tuple(planes), tuple(missing), left_out
 
 
-def _heights(wall: _Wall, footprint: Footprint) -> tuple[Side, Side]:
+def _heights(wall: _Wall, footprint: Footprint, points: WallPoints) -> tuple[Side, Side]:
     """Ground and eaves with what the map tells."""
     ground, eaves = wall.ground, wall.eaves
     if footprint.ground_m is not None:
         ground = Side(footprint.ground_m, "the map")
     if footprint.height_m is not None:
         mapped = ground.at_m + footprint.height_m
-        if 0 < mapped - eaves.at_m <= _PLAIN_M and "cornice" not in eaves.rests_on:
+        above_m = mapped - eaves.at_m
+        goes_on = above_m <= _PLAIN_M or _reaches(wall, mapped, points)
+        if above_m > 0 and goes_on and "cornice" not in eaves.rests_on:
             eaves = Side(mapped, f"the map, {mapped - eaves.at_m:.1f} m above {eaves.rests_on}")
     return ground, eaves
+
+
+def _reaches(wall: _Wall, top_m: float, points: WallPoints) -> bool:
+    """Whether a wall has points, few but all along it, in the upper half of what is below a top."""
+    if top_m - wall.eaves.at_m > _THIN_M:
+        return False
+    on_wall = points.points_in_world[wall.run.members]
+    above = on_wall[:, 2] > (wall.eaves.at_m + top_m) / 2
+    along, _ = wall.run.line.coordinates(on_wall[above]).T
+    return len(along) >= _THIN_POINTS and bool(np.std(along) >= _THIN_SPREAD * wall.width_m)
 
 
 def _plane(
