@@ -245,6 +245,26 @@ def test_the_worst_facade_is_drawn_where_its_windows_are(tmp_path: Path) -> None
     file = write_worst(case, tmp_path / "failures")
     assert file is not None
     assert file.name == "b1-seed1-street-b1-0.png"
+    # The run's picture lies where the run put its facade, 0.5 m farther right and as wide.
+    origin = {"lat_deg": 57.0, "lon_deg": 12.0, "height_m": 0.0}
+    frame = {"rotation": np.eye(3).tolist(), "translation": [3.0, 0.0, 0.0]}
+    moved = {**frame, "translation": [3.5, 0.0, 0.0]}
+    shown = case.run_folder / "facades" / worst["found_id"]
+    shown.mkdir(parents=True)
+    Image.new("RGB", (10, 5), (0, 0, 255)).save(shown / "ortho.png")
+    for file, payload in (
+        (shown / "facade.json", {"width_m": 10.0, "height_m": 5.0, "world_from_facade": moved}),
+        (case.set_folder / "truth" / "facades.json",
+         {"facades": {worst["facade_id"]: {"world_from_facade": frame}}}),
+    ):  # fmt: skip
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(dump_json({**payload, "origin": origin}), encoding="utf-8")
+    file = write_worst(case, tmp_path / "failures")
+    picture = np.asarray(Image.open(file))
+    assert picture.shape == (48 + 300, round(11.5 * 50), 3)
+    row = picture[48 + 30]
+    blue = np.flatnonzero((row == (0, 0, 255)).all(axis=1))
+    assert (blue.min(), blue.max() + 1) == (50, 550)
     perfect = evaluation(shift_m=0.0)
     perfect["facades"] = [f for f in perfect["facades"] if f["windows"]["f1"] == 1]
     assert worst_facade(perfect) is None

@@ -11,7 +11,8 @@ from benchmarks.tables.cases import Case
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from si3fp.workspace import Workspace, safe_name
+from si3fp.errors import InputError
+from si3fp.workspace import Workspace, read_json, safe_name
 
 Json = Mapping[str, Any]
 Rgb = tuple[int, int, int]
@@ -110,9 +111,24 @@ def _background(case: Case, facade: Json) -> tuple[Image.Image, Sequence[float]]
     whole = (0.0, 0.0, facade["width_m"], facade["height_m"])
     own = Workspace(case.run_folder).facade(facade["found_id"], "ortho.png")
     true = case.set_folder / "truth" / "ortho" / f"{facade['facade_id']}.png"
-    for file, box_m in ((own, facade["found_outline_m"]), (true, whole)):
+    for file, box_m in ((own, _shown(case, facade)), (true, whole)):
         if file.exists() and box_m is not None:
             with Image.open(file) as picture:
                 picture.load()
                 return picture, box_m
     return Image.new("RGB", (8, 8), GREY), whole
+
+
+def _shown(case: Case, facade: Json) -> Sequence[float] | None:
+    """What the run's orthophoto shows of the true facade; its wall in the model may be wider."""
+    try:
+        found = read_json(Workspace(case.run_folder).facade(facade["found_id"], "facade.json"))
+        truth = read_json(case.set_folder / "truth" / "facades.json")
+    except InputError:
+        return facade["found_outline_m"]
+    if found["origin"] != truth["origin"]:
+        return facade["found_outline_m"]
+    true = truth["facades"][facade["facade_id"]]["world_from_facade"]
+    corner, away = (np.array(each["translation"]) for each in (found["world_from_facade"], true))
+    x_m, y_m, _ = (corner - away) @ np.array(true["rotation"])
+    return x_m, y_m, x_m + found["width_m"], y_m + found["height_m"]
