@@ -137,7 +137,7 @@ def test_one_wall_cannot_tell_where_it_is():
     with pytest.raises(ReconstructionError, match="in 2 ways"):
         place_on_footprints(walls, outward, edges)
     short = walls.mean(axis=1, keepdims=True) + 0.4 * (walls - walls.mean(axis=1, keepdims=True))
-    with pytest.raises(ReconstructionError, match="in 8 ways"):  # it slides, too
+    with pytest.raises(ReconstructionError, match="in 6 ways"):  # it slides, too
         place_on_footprints(short, outward, edges)
 
 

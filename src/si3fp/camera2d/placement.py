@@ -19,6 +19,7 @@ from si3fp.camera2d.edge_fit import (
 from si3fp.errors import InputError, ReconstructionError
 from si3fp.geometry.rigid import FloatArray, Rigid3
 
+_SHORT_FACTOR = 8.0  # ends before the edge's are less sure than planes, by this factor
 WALL_SIGMA_M = 0.3  # of a wall against the map: eaves, plinths, digitising
 _MAX_HYPOTHESES = 40
 _MIN_SCORE = 0.6
@@ -206,7 +207,8 @@ def _equations(
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives (N, 3) by angle and middle, and normalised distances (N,), the angle in radians.
 
-    Both ends of a wall lie on its edge's line; an end near the edge's end lies at it.
+    Both ends of a wall lie on its edge's line; an end near the edge's end lies at it, though its
+    points may well end before: that counts little, as one gable seen in part would move the house.
     """
     rows, values = [np.zeros(3)], [0.0]
     for w in np.flatnonzero(assigned >= 0).tolist():
@@ -215,9 +217,10 @@ def _equations(
             arm = turn @ (walls.ends[w, end] - centre)
             gap = arm + middle - edges.ends[e, end]
             swing = np.array([-arm[1], arm[0]])
+            short = float(edges.along[e] @ gap) * (1 if end == 0 else -1) > 0
             for direction, sigma in (
                 (edges.outward[e], sigma_m),
-                (edges.along[e], END_FACTOR * sigma_m),
+                (edges.along[e], (_SHORT_FACTOR if short else END_FACTOR) * sigma_m),
             ):
                 distance = float(direction @ gap) / sigma
                 if abs(distance) < CUT_SIGMAS:
