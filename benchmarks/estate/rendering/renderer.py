@@ -146,13 +146,10 @@ class Renderer:
         """Some pixels on the device: their corners' rays, and the chance that is theirs."""
         mi = self.mi
         corner = np.stack([places % camera.width_px, places // camera.width_px], axis=1)
-        rays = [
-            camera.rays(corner + np.array(step)) for step in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
-        ]
+        rays = [camera.rays(corner + np.array(step)) for step in ((0, 0), (1, 0), (0, 1))]
         origins, directions = (
-            [_device(mi.Point3f, mi, some - start * (k > 0)) for k, some in enumerate(values)]
-            for values in zip(*rays, strict=True)
-            for start in values[:1]
+            [_device(mi.Point3f, mi, each) for each in (start, right - start, below - start)]
+            for start, right, below in zip(*rays, strict=True)
         )
         shift = _shift(places, seed).astype(np.float32)
         return _Pixels(

@@ -153,6 +153,8 @@ def _unfolded(
         attempt = database.with_name(f"unfolded-{number}.db")
         shutil.copyfile(current, attempt)
         parted = _part(attempt, models[0], seen, found, job, config)
+        if not parted:
+            break
         again = mapped(attempt, folder, database.parent, config, job["seed"], _say)
         if not again or 2 * again[0].num_reg_images() < models[0].num_reg_images():
             break

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from si3fp.geometry.facade_grid import FacadeGrid
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import OrthoImage, Window
-from si3fp.windows.balcony_columns import BalconyColumn
-from si3fp.windows.balcony_openings import DOOR_M, HIGHEST_DOOR_M, SLAB_M, door_foot
+from si3fp.windows.balcony_columns import SAME_SPAN, BalconyColumn
+from si3fp.windows.balcony_openings import DOOR_M, HIGHEST_DOOR_M, SLAB_M, door_foot, span_iou
 from si3fp.windows.measure import BALCONY_DOOR_HEIGHT_M
 from si3fp.windows.regular import edges_of
 
@@ -42,8 +42,6 @@ BEST = 2
 """Storeys of a column whose mean counts: those that show the door best."""
 LEAST_CONTRAST, CLEARER = 14.0, 2.0
 """How far the door stands out there, at least, and by what factor more than on the other side."""
-SAME_SPAN = 0.6
-"""What spans the same part of the facade is of one column: intersection over union."""
 NEAR_M, SAME_HEAD_M = 0.2, 0.3
 """Sides of one column, and heads of one storey, lie no farther apart as they show."""
 LEAST_ROW = 2  # windows that tell the sill of a storey
@@ -199,9 +197,7 @@ def _usual_sides(
 
 def _same_span(edges_m: FloatArray, frame: SharedFrame) -> bool:
     """Whether a window (4,) is as wide as a frame."""
-    common = min(edges_m[1], frame.right_m) - max(edges_m[0], frame.left_m)
-    union = max(edges_m[1], frame.right_m) - min(edges_m[0], frame.left_m)
-    return bool(common > SAME_SPAN * union)
+    return span_iou(edges_m[:2], (frame.left_m, frame.right_m)) > SAME_SPAN
 
 
 def _sill_of_row(edges_m: FloatArray, others_m: FloatArray) -> float | None:
@@ -225,7 +221,8 @@ def _columns(boxes_px: FloatArray) -> list[NDArray[np.intp]]:
     free = np.ones(len(boxes_px), bool)
     for index, box in enumerate(boxes_px):
         if free[index]:
-            mine = free & np.array([_span_iou(box, other) > SAME_SPAN for other in boxes_px])
+            alike = [span_iou(box[[0, 2]], other[[0, 2]]) > SAME_SPAN for other in boxes_px]
+            mine = free & np.array(alike)
             free &= ~mine
             columns.append(np.flatnonzero(mine))
     return columns
@@ -292,8 +289,3 @@ def _steps(profile: FloatArray, wide_m: float) -> FloatArray:
             for end, door_m in zip(ends, WIDTHS_M, strict=True)
         ]
     )
-
-
-def _span_iou(box: FloatArray, other: FloatArray) -> float:
-    common = min(box[2], other[2]) - max(box[0], other[0])
-    return float(common / (max(box[2], other[2]) - min(box[0], other[0])))

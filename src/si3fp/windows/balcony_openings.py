@@ -7,6 +7,7 @@ of the balcony, the window to the sill of its row; which is which, their widths 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -126,7 +127,7 @@ def taken_apart(found: FusedDetections, m_per_px: float) -> FusedDetections:
             pair
             for pair in pairs
             if (pair[3] < box[1] or pair[1] > box[3])
-            and _span_iou(box[[0, 2]], (min(pair[0], pair[4]), max(pair[2], pair[6]))) > SPAN_IOU
+            and span_iou(box[[0, 2]], (min(pair[0], pair[4]), max(pair[2], pair[6]))) > SPAN_IOU
         ]
         if not spans:
             parts.append((k, box, found.notes[k]))
@@ -145,7 +146,8 @@ def taken_apart(found: FusedDetections, m_per_px: float) -> FusedDetections:
     return FusedDetections(detections, whole.views, tuple(note for _, _, note in parts))
 
 
-def _span_iou(span: FloatArray, other: tuple[float, float]) -> float:
+def span_iou(span: Sequence[float] | FloatArray, other: Sequence[float] | FloatArray) -> float:
+    """What two spans (first, last) share of what they cover; negative where they lie apart."""
     common = min(span[1], other[1]) - max(span[0], other[0])
     return float(common / (max(span[1], other[1]) - min(span[0], other[0])))
 
