@@ -87,7 +87,24 @@ def test_walls_without_true_ends_are_placed_by_their_lines():
     edges = edges_of(L_SHAPE)
     middle = edges.mean(axis=1, keepdims=True)
     placement = place_on_footprints(*walls_of(middle + 0.7 * (edges - middle)), edges)
-    assert_placed(placement, world_from_level(), 0.35, 1.5)
+    assert_placed(placement, world_from_level(), 1e-4, 1e-4)
+
+
+def test_walls_that_go_on_past_the_corner_are_placed_by_their_lines():
+    edges = edges_of(OBLONG, Footprint("shed", np.array([[30.0, 0.0], [34.0, 0.0], [34.0, 9.0]])))
+    seen = edges[:4].copy()
+    seen[1, 1] += [0.0, 1.4]  # the sides of balconies beyond the corner
+    seen[3, 0] += [0.0, 1.4]
+    found = placement_hypotheses(*walls_of(seen), edges)
+    assert_placed(found[0], world_from_level(), 1e-4, 1e-4)
+
+
+def test_a_wall_that_no_other_meets_is_placed_by_its_ends():
+    edges = edges_of(OBLONG)
+    seen = edges[1:2].copy()
+    seen[0, :, 1] += [-0.1, 0.1]
+    found = placement_hypotheses(*walls_of(seen), edges[1:2])
+    assert_placed(found[0], world_from_level(), 1e-4, 1e-4)
 
 
 def test_a_square_is_ambiguous_and_its_four_ways_are_listed():

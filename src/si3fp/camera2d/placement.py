@@ -20,6 +20,7 @@ from si3fp.errors import InputError, ReconstructionError
 from si3fp.geometry.rigid import FloatArray, Rigid3
 
 _SHORT_FACTOR = 8.0  # ends before the edge's are less sure than planes, by this factor
+_SAME_CORNER_M, _CORNER_SINE = 0.01, 0.5  # edges that meet at a corner
 WALL_SIGMA_M = 0.3  # of a wall against the map: eaves, plinths, digitising
 _MAX_HYPOTHESES = 40
 _MIN_SCORE = 0.6
@@ -207,10 +208,13 @@ def _equations(
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives (N, 3) by angle and middle, and normalised distances (N,), the angle in radians.
 
-    Both ends of a wall lie on its edge's line; an end near the edge's end lies at it, though its
-    points may well end before: that counts little, as one gable seen in part would move the house.
+    Both ends of a wall lie on its edge's line. An end near the edge's end lies at it, unless
+    another wall meets it there: the plane of that one tells the corner better, as the points of
+    a wall may end before the corner, or go on past it on the side of a balcony. Ends before the
+    edge's count little, as one gable seen in part would move the house.
     """
     rows, values = [np.zeros(3)], [0.0]
+    told = _corners_told(edges, assigned)
     for w in np.flatnonzero(assigned >= 0).tolist():
         e = int(assigned[w])
         for end in (0, 1):
@@ -218,12 +222,21 @@ def _equations(
             gap = arm + middle - edges.ends[e, end]
             swing = np.array([-arm[1], arm[0]])
             short = float(edges.along[e] @ gap) * (1 if end == 0 else -1) > 0
-            for direction, sigma in (
-                (edges.outward[e], sigma_m),
-                (edges.along[e], (_SHORT_FACTOR if short else END_FACTOR) * sigma_m),
-            ):
+            sights = [(edges.outward[e], sigma_m)]
+            if not told[e, end]:
+                factor = _SHORT_FACTOR if short else END_FACTOR
+                sights.append((edges.along[e], factor * sigma_m))
+            for direction, sigma in sights:
                 distance = float(direction @ gap) / sigma
                 if abs(distance) < CUT_SIGMAS:
                     rows.append(np.array([direction @ swing, *direction]) / sigma)
                     values.append(distance)
     return np.stack(rows), np.array(values)
+
+
+def _corners_told(edges: Segments, assigned: NDArray[np.int_]) -> NDArray[np.bool_]:
+    """(E, 2) at which ends of edges another edge begins, at an angle, on which a wall lies."""
+    held = np.unique(assigned[assigned >= 0])
+    gaps_m = np.linalg.norm(edges.ends[:, :, None, None] - edges.ends[held], axis=-1).min(axis=-1)
+    angled = np.abs(edges.along @ edges.outward[held].T) > _CORNER_SINE
+    return np.asarray(((gaps_m < _SAME_CORNER_M) & angled[:, None]).any(axis=-1))
