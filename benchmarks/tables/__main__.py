@@ -55,12 +55,13 @@ def _cases(options: argparse.Namespace) -> list[Case]:
             building,
             seed,
             path,
-            options.renderer,
+            renderer,
             (options.output / f"{building.replace(':', '-')}-{options.size}-{seed}").absolute(),
         )
         for seed in options.seeds
         for building in options.buildings
         for path in options.paths
+        for renderer in (options.renderers if path == "photos" else options.renderers[:1])
     ]
 
 
@@ -68,7 +69,7 @@ def _command(options: argparse.Namespace) -> str:
     words = [
         *("python -m benchmarks.tables --buildings", *options.buildings),
         *("--seeds", *map(str, options.seeds), "--paths", *options.paths),
-        *("--renderer", options.renderer, "--size", options.size, "-o DIR"),
+        *("--renderers", *options.renderers, "--size", options.size, "-o DIR"),
     ]
     return " ".join(words)
 
@@ -80,7 +81,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--paths", nargs="+", default=["street", "photos"], choices=["street", "photos"]
     )
-    parser.add_argument("--renderer", default="radiance", choices=["radiance", "mosaic"])
+    parser.add_argument(
+        "--renderers", nargs="+", default=["mosaic", "radiance"], choices=["mosaic", "radiance"]
+    )
     parser.add_argument("--size", default="full", choices=["full", "small"])
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
     parser.add_argument("--docs", type=Path, default=PAGE, metavar="FILE")

@@ -14,12 +14,14 @@ from si3fp.errors import InputError
 
 BEGIN, END = "<!-- estate tables: begin -->", "<!-- estate tables: end -->"
 METHODS = (
-    ("photos", False, paper.CAMERA, "photos"),
-    ("photos", True, None, "photos (Total)"),
+    ("photos-mosaic", False, paper.CAMERA, "photos, mosaic"),
+    ("photos-mosaic", True, None, "photos, mosaic (Total)"),
+    ("photos-radiance", False, paper.CAMERA, "photos, radiance field"),
+    ("photos-radiance", True, None, "photos, radiance field (Total)"),
     ("street", False, paper.STREET, "street"),
     ("street", True, paper.STREET_TOTAL, "street (Total)"),
 )
-"""Path, over all facades, the paper's name and ours."""
+"""Run, over all facades, the paper's name and ours."""
 OTHER, ALL, MEMORY = "files, report, start-up", "whole run", "peak memory (GiB)"
 
 
@@ -49,7 +51,7 @@ def block(cases: Sequence[Case], command: str) -> str:
         "",
         "Time per building, the mean over runs with the range; C.1 and S.1 of ours read files.",
         "",
-        *lines_of(["step", f"paper ({paper.MACHINE})", "street", "photos"], _table_5(cases)),
+        *lines_of(["step", f"paper ({paper.MACHINE})", *_runs(cases)], _table_5(cases)),
         "",
         *_footnotes(cases),
     ]  # fmt: skip
@@ -75,23 +77,25 @@ def replaced(page: str, text: str) -> str:
 
 def _table_3(cases: Sequence[Case]) -> tuple[list[list[str]], Counter[str]]:
     names = list(dict.fromkeys(case.building for case in cases))
-    paths = {case.path for case in cases}
+    runs = _runs(cases)
     rows: list[list[str]] = []
     verdicts: Counter[str] = Counter()
     for name in [*names, *([paper.TOTAL] if len(names) > 1 else [])]:
-        for path, total, theirs, ours in METHODS:
-            if path not in paths:
+        above = ""
+        for run, total, theirs, ours in METHODS:
+            if run not in runs:
                 continue
-            found = _by_seed(cases, names if name == paper.TOTAL else [name], path, total=total)
+            found = _by_seed(cases, names if name == paper.TOTAL else [name], run, total=total)
             known = paper.TABLE_3.get((name, theirs or ""), {})
             # The paper has no totals of photos: a row of ours only where a facade is missing.
-            if theirs is None and not _misses(cases, name, path):
+            if theirs is None and not _misses(cases, name, run):
                 continue
             if name == paper.TOTAL and set(names) != set(paper.BUILDINGS):
                 known = {}  # of other buildings
-            if known:
+            if known and theirs != above:
                 figures = [number(known.get(c.name), c) for c in paper.COLUMNS]
                 rows.append([name, f"paper, {theirs}", *figures])
+                above = theirs or ""
             cells = []
             for column in paper.COLUMNS:
                 values = [m[column.name] for m in found]
@@ -104,21 +108,27 @@ def _table_3(cases: Sequence[Case]) -> tuple[list[list[str]], Counter[str]]:
     return rows, verdicts
 
 
-def _misses(cases: Sequence[Case], name: str, path: str) -> bool:
+def _runs(cases: Sequence[Case]) -> list[str]:
+    """Names of the runs in the order of the table."""
+    there = {case.run_name for case in cases}
+    return [run for run, total, _, _ in METHODS if run in there and not total]
+
+
+def _misses(cases: Sequence[Case], name: str, run: str) -> bool:
     return any(
         case.evaluation is not None and case.evaluation["missing_count"]
         for case in cases
-        if case.path == path and name in (case.building, paper.TOTAL)
+        if case.run_name == run and name in (case.building, paper.TOTAL)
     )
 
 
 def _by_seed(
-    cases: Sequence[Case], buildings: Sequence[str], path: str, *, total: bool
+    cases: Sequence[Case], buildings: Sequence[str], run: str, *, total: bool
 ) -> list[Metrics]:
     """The pooled metrics of every seed of which all the buildings are there."""
     parts: dict[int, list[Scored]] = {}
     for case in cases:
-        if case.path == path and case.building in buildings and case.evaluation is not None:
+        if case.run_name == run and case.building in buildings and case.evaluation is not None:
             parts.setdefault(case.seed, []).append(scored(case.evaluation, total=total))
     return [
         metrics(pooled(found), total=total)
@@ -169,7 +179,7 @@ def _pictures(cases: Iterable[Case], kind: str) -> tuple[str, str]:
 
 def _table_5(cases: Sequence[Case]) -> list[list[str]]:
     known = dict(paper.TABLE_5)
-    steps: dict[str, dict[str, list[float]]] = {"street": {}, "photos": {}}
+    steps: dict[str, dict[str, list[float]]] = {run: {} for run in _runs(cases)}
     for case in cases:
         if case.run is None or case.stage is None or not case.stage.done:
             continue
@@ -181,13 +191,13 @@ def _table_5(cases: Sequence[Case]) -> list[list[str]]:
         own[ALL] = case.stage.seconds
         own[MEMORY] = case.stage.peak_mib / 1024
         for step, value in own.items():
-            steps[case.path].setdefault(step, []).append(value)
+            steps[case.run_name].setdefault(step, []).append(value)
     known[ALL] = f"{paper.WHOLE['street']} street, {paper.WHOLE['photos']} photos"
     return [
         [
             step if step == MEMORY else f"{step} (s)",
             known.get(step, ABSENT),
-            *(spread(steps[path].get(step, []), 1) for path in ("street", "photos")),
+            *(spread(found.get(step, []), 1) for found in steps.values()),
         ]
         for step in (*dict(paper.TABLE_5), OTHER, ALL, MEMORY)
     ]
@@ -198,12 +208,9 @@ def _footnotes(cases: Sequence[Case]) -> list[str]:
     stages = [case.stage for case in cases if case.stage is not None and case.stage.done]
     machines = sorted({stage.machine for stage in stages if stage.machine})
     versions = sorted({case.run["si3fp_version"] for case in cases if case.run is not None})
-    renderers = sorted({case.renderer for case in cases if case.path == "photos"})
     lines = []
     if machines:
         lines.append(f"Our machine: {'; '.join(machines)}. si3fp {', '.join(versions)}.")
-    if renderers:
-        lines.append(f"Renderer of the photos' path: {', '.join(renderers)}.")
     lines += _rendering({case.folder: case for case in cases}.values())
     unfinished = [f"- {case.label}: {case.problem}" for case in cases if case.problem]
     if unfinished:
