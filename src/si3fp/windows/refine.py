@@ -25,8 +25,8 @@ COLOUR_BINS = 12
 MULLION_SHARE = 0.12
 """Share of the width on both sides of the middle that is left out there too."""
 FRAME_M = 0.04
-UNKNOWN_INSIDE, UNKNOWN_OUTSIDE = 5e-5, 2.5e-4
-"""Densities added to the histograms: a colour that neither knows counts for the outside."""
+UNKNOWN = 5e-5
+"""Density added to the histograms: a colour that neither knows, as of a frame, tells nothing."""
 LIKENESS_WEIGHT = 0.25
 """Score per 2 cm of columns or rows that look like the inside."""
 EDGE_WEIGHT = 3.0
@@ -166,7 +166,7 @@ def _likeness(
 ) -> FloatArray:
     """(h, w) log ratio: does the colour belong to the inside of the box or to the wall around it.
 
-    Colours that neither knows count for the outside: a surround is not part of the window.
+    A surround that ends beyond the box is known to the outside; a frame is known to neither.
     """
     height, width = colours.shape
     y, x = np.mgrid[0:height, 0:width] + 0.5
@@ -201,7 +201,7 @@ def _likeness(
             )
         return np.asarray(cube.ravel() / max(cube.sum(), 1.0))
 
-    ratio = np.log((histogram(inside) + UNKNOWN_INSIDE) / (histogram(outside) + UNKNOWN_OUTSIDE))
+    ratio = np.log((histogram(inside) + UNKNOWN) / (histogram(outside) + UNKNOWN))
     # What differs less than sampling noise says nothing.
     ratio = np.sign(ratio) * np.clip(np.abs(ratio) - 0.25, 0.0, 2.0)
     return np.where(valid, ratio[colours], 0.0)
