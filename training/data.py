@@ -24,6 +24,10 @@ CACHE_HEIGHT = 2.0 * NOMINAL_HEIGHT
 VALIDATION_LIST = Path(__file__).with_name("validation.json")
 _HSLU_LABELS = {"window": WINDOW, "balcony-fence": BALCONY, "shop": IGNORE}
 _CMP_LABELS = {"window": WINDOW, "balcony": BALCONY, "shop": IGNORE, "door": IGNORE}
+_RENDERED = "rendered-facades"
+_RENDERED_LABELS = {
+    "window": WINDOW, "balcony_door": WINDOW, "balcony": BALCONY, "shop": IGNORE, "door": IGNORE
+}  # fmt: skip
 
 
 @dataclass
@@ -90,21 +94,42 @@ def read_set(
     folder: Path, name: str, keep: set[str] | None = None, drop: set[str] | None = None
 ) -> list[Facade]:
     """Facades of one data set; ``keep``/``drop`` choose file names. Pictures without windows go."""
-    document = json.loads((folder / name / "annotations.coco.json").read_text())
-    table = {"hslu-facades": _HSLU_LABELS, "cmp-facades": _CMP_LABELS}.get(name, {"window": WINDOW})
+    tables = {"hslu-facades": _HSLU_LABELS, "cmp-facades": _CMP_LABELS}
+    return _read(folder / name, name, tables.get(name, {"window": WINDOW}), keep, drop)
+
+
+def read_rendered(folder: Path) -> list[Facade]:
+    """Facade pictures of ``python -m benchmarks.estate facades -o FOLDER``, which are orthographic.
+
+    Doors of balconies are windows here, as in a thermal model. What is hidden, cut off or tiny is
+    ignored.
+    """
+    return _read(folder, _RENDERED, _RENDERED_LABELS)
+
+
+def _read(
+    folder: Path,
+    name: str,
+    table: dict[str, int],
+    keep: set[str] | None = None,
+    drop: set[str] | None = None,
+) -> list[Facade]:
+    document = json.loads((folder / "annotations.coco.json").read_text())
     names = {c["id"]: c["name"] for c in document["categories"]}
     by_image: dict[int, list[dict]] = {}
     for annotation in document["annotations"]:
         by_image.setdefault(annotation["image_id"], []).append(annotation)
-    classes = (WINDOW, BALCONY) if name == "hslu-facades" else (WINDOW,)
+    classes = (WINDOW, BALCONY) if name in ("hslu-facades", _RENDERED) else (WINDOW,)
     facades = []
     # SPB lists 70 pictures twice, with the same boxes.
     once = {image["file_name"]: image for image in document["images"]}
     for file_name, image in once.items():
         if (keep is not None and file_name not in keep) or (drop and file_name in drop):
             continue
+        # What nobody should have to find counts as a shop does.
         annotations = [
-            (names[a["category_id"]], _polygon(a)) for a in by_image.get(image["id"], [])
+            ("shop" if a.get("ignore") else names[a["category_id"]], _polygon(a))
+            for a in by_image.get(image["id"], [])
         ]
         if name == "cmp-facades":
             annotations = _with_blinds(annotations)
@@ -112,7 +137,7 @@ def read_set(
         labels = [table[kind] for kind, _ in annotations if kind in table]
         if WINDOW not in labels:
             continue
-        facade = _load(folder / name / file_name, f"{name}/{file_name}", polygons, labels)
+        facade = _load(folder / file_name, f"{name}/{file_name}", polygons, labels)
         facade.source, facade.classes = name, classes
         if name == "hslu-facades":
             windows = [p for p, label in zip(facade.polygons, labels, strict=True) if label == 0]

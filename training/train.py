@@ -14,7 +14,7 @@ import torch
 import torch.distributed as dist
 
 from training.backbone import EfficientNetLite
-from training.data import data_folder, read_training, read_validation
+from training.data import data_folder, read_rendered, read_training, read_validation
 from training.journal import append_row, save
 from training.loader import batches
 from training.losses import centre_loss, side_loss, spread_loss
@@ -212,6 +212,8 @@ def train(rank: int, options: argparse.Namespace) -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     folder = data_folder(options.data)
     facades = read_training(folder)
+    if options.rendered:
+        facades += read_rendered(options.rendered)
     run = Run(options)
     diary = Diary(run, options, folder) if rank == 0 else None
     seed = options.seed + 1000 * run.step + 100 * rank
@@ -231,6 +233,9 @@ def train(rank: int, options: argparse.Namespace) -> None:
 def add_options(parser: argparse.ArgumentParser) -> None:
     """The options of a training run."""
     parser.add_argument("--data", help="data folder (default: SI3FP_TEST_DATA)")
+    parser.add_argument(
+        "--rendered", type=Path, help="more pictures: DIR of `benchmarks.estate facades`"
+    )
     parser.add_argument("--out", type=Path, required=True, help="checkpoints and logs")
     parser.add_argument("--minutes", type=float, default=78.0, help="wall-clock budget")
     parser.add_argument("--seed", type=int, default=0)
