@@ -23,11 +23,13 @@ from si3fp.windows.interval import WwrErrors, wwr_interval
 from si3fp.windows.join import join_openings
 from si3fp.windows.lattice import complete_windows
 from si3fp.windows.loggias import find_loggias, moved_back, on_back_walls
+from si3fp.windows.low import detect_with_low, of_low
 from si3fp.windows.measure import (
     EdgeLever,
     edges_from_box,
     measure_windows,
     opening_box,
+    recess_depth,
     recess_lever,
 )
 from si3fp.windows.recess import estimate_recess
@@ -91,7 +93,7 @@ def parse_facade(
     grid, zero = views.grid, np.zeros(4)
     best = sorted(views.views, key=lambda view: -view.valid.mean())[: fusion.max_views]
     per_view = {view.source: detector.detect(view, grid.m_per_px) for view in best}
-    on_fused = detector.detect(fused, grid.m_per_px)
+    on_fused = detect_with_low(detector, fused, grid.m_per_px)
     threshold = detector.thresholds["window"]
 
     def propose(by_view: Mapping[str, Detections], on_image: Detections) -> FusedDetections:
@@ -109,7 +111,7 @@ def parse_facade(
     if len(loggias.openings_px):
         image, behind = on_back_walls(fused, views.views, loggias, cameras_in_facade, grid)
         seen = np.where(np.isfinite(behind), behind, seen)
-        on_fused = detector.detect(image, grid.m_per_px)
+        on_fused = detect_with_low(detector, image, grid.m_per_px)
         moved = {
             name: moved_back(found, cameras_in_facade[name], loggias, grid)
             for name, found in per_view.items()
@@ -132,11 +134,19 @@ def parse_facade(
         found: FusedDetections, recesses: Sequence[RecessEstimate] | None
     ) -> tuple[Window, ...]:
         found = complete_doors(found, fronts, shows, grid.m_per_px)
+        depths_m = [
+            recess_depth(recess, measure)
+            for recess in recesses or (UNKNOWN_RECESS,) * len(found.views)
+        ]
         levers = [
-            EdgeLever(recess_lever(edges_from_box(box, grid), list(cameras_of(box).values())), zero)
-            for box in found.detections.boxes_px
+            EdgeLever(lever_of(box, depth_m), zero)
+            for box, depth_m in zip(found.detections.boxes_px, depths_m, strict=True)
         ]
         return measure_windows(found, balconies, grid, cameras_in_facade, measure, recesses, levers)
+
+    def lever_of(box_px: FloatArray, depth_m: float) -> FloatArray:
+        edges_m = edges_from_box(box_px, grid)
+        return of_low(recess_lever(edges_m, list(cameras_of(box_px).values())), edges_m, depth_m)
 
     def cameras_of(box_px: FloatArray) -> Mapping[str, FloatArray]:
         """The cameras whose views show a window: the blend is made of no others there."""

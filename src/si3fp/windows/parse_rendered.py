@@ -29,6 +29,7 @@ from si3fp.windows.depth import (
 from si3fp.windows.depth_edges import edges_by_depth
 from si3fp.windows.detect import WindowDetector
 from si3fp.windows.fuse import FusedDetections
+from si3fp.windows.low import detect_with_low
 from si3fp.windows.measure import edges_from_box, measure_windows
 from si3fp.windows.parse import ParsedFacade, find_windows, interval_of, of_label
 from si3fp.windows.recess_estimate import UNKNOWN_RECESS, RecessEstimate, score_by_depth
@@ -81,7 +82,7 @@ def parse_rendered(
     """
     wall_m = wall_depth(ortho)
     picture = without_specks(ortho, grid.m_per_px)
-    found = detector.detect(picture, grid.m_per_px)
+    found = detect_with_low(detector, picture, grid.m_per_px)
     hides = in_front(ortho, wall_m)
     boxes, left_out = _on_the_wall(of_label(found), hides, grid, fusion)
     openings_px = boxes.boxes_px[boxes.scores >= fusion.min_score]
