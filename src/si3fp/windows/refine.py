@@ -23,7 +23,7 @@ from si3fp.windows.fuse import FusedDetections
 
 COLOUR_BINS = 12
 MULLION_SHARE = 0.12
-"""Share of the width on both sides of the middle that is left out there too."""
+"""Share of the width on both sides of the middle that tells only what is not outside as well."""
 FRAME_M = 0.04
 UNKNOWN = 5e-5
 """Density added to the histograms: a colour that neither knows, as of a frame, tells nothing."""
@@ -172,12 +172,10 @@ def _likeness(
     y, x = np.mgrid[0:height, 0:width] + 0.5
     x, y = x + corner[0], y + corner[1]
     across, down = (x - box[0]) / (box[2] - box[0]), (y - box[1]) / (box[3] - box[1])
-    # A mullion of stone in the middle must not make stone a colour of the inside.
-    inside = (
-        (np.abs(across - 0.5) < 0.5 - CORE_SHARE)
-        & (np.abs(down - 0.5) < 0.5 - CORE_SHARE)
-        & (np.abs(across - 0.5) > MULLION_SHARE)
-    )
+    # A mullion of stone in the middle must not make stone, which is outside too, a colour of the
+    # inside; one of wood has the colour of the frame.
+    core = (np.abs(across - 0.5) < 0.5 - CORE_SHARE) & (np.abs(down - 0.5) < 0.5 - CORE_SHARE)
+    inside = core & (np.abs(across - 0.5) > MULLION_SHARE)
     # What lies within a frame's width beyond the box may be its frame: it tells nothing.
     outside = (
         (x < box[0] - frame_px)
@@ -201,7 +199,9 @@ def _likeness(
             )
         return np.asarray(cube.ravel() / max(cube.sum(), 1.0))
 
-    ratio = np.log((histogram(inside) + UNKNOWN) / (histogram(outside) + UNKNOWN))
+    beyond = histogram(outside)
+    within = np.where(beyond < UNKNOWN, histogram(core), histogram(inside))
+    ratio = np.log((within + UNKNOWN) / (beyond + UNKNOWN))
     # What differs less than sampling noise says nothing.
     ratio = np.sign(ratio) * np.clip(np.abs(ratio) - 0.25, 0.0, 2.0)
     return np.where(valid, ratio[colours], 0.0)
