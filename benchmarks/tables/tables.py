@@ -163,15 +163,16 @@ def _table_2(cases: Sequence[Case]) -> list[list[str]]:
             spread([building["height_m"] for building in sizes], 1),
             spread([building["longest_side_m"] for building in sizes], 1),
             spread(facades, 0),
-            *_pictures(own, "photos"),
-            *_pictures(own, "panoramas"),
+            *_pictures([case for case in own if case.path == "photos"], "photos"),
+            *_pictures([case for case in own if case.path == "street"], "panoramas"),
             ABSENT if share is None else f"{spread(missing, 1)}, {share:.1f} %",
         ])  # fmt: skip
     return rows
 
 
 def _pictures(cases: Iterable[Case], kind: str) -> tuple[str, str]:
-    sets = {case.set_folder: case for case in cases}.values()
+    """Number and size of the pictures that the evaluated runs of some cases had."""
+    sets = {case.set_folder: case for case in cases if case.evaluation is not None}.values()
     found = [pictures for case in sets if (pictures := pictures_of(case, kind)) is not None]
     sizes = ", ".join(sorted({pictures.size_px for pictures in found}))
     return spread([pictures.count for pictures in found], 0), sizes or ABSENT
