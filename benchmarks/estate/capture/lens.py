@@ -44,7 +44,7 @@ def distort(points: FloatArray, lens: Distortion) -> FloatArray:
     )
 
 
-def undistort(points: FloatArray, lens: Distortion, steps: int = 8) -> FloatArray:
+def undistort(points: FloatArray, lens: Distortion, steps: int = 4) -> FloatArray:
     """The ideal points (N, 2) of distorted ones, by Newton's method from the points themselves.
 
     Holds where the lens does not fold the picture over, as within the pictures of real lenses.
