@@ -342,16 +342,33 @@ def test_the_map_gives_the_eaves_of_a_plain_upper_storey():
     assert any(note.startswith("eaves: the map, 2.") for note in plane.notes)
 
 
-@pytest.mark.parametrize(("points_per_m2", "top_m"), [(1.5, 10.3), (0.0, 7.0)])
-def test_few_points_of_a_high_storey_are_enough_where_the_map_goes_on(points_per_m2, top_m):
+@pytest.mark.parametrize(
+    ("few_up_to_m", "mapped_m", "top_m"),
+    [(10.1, 10.3, 10.3), (7.0, 10.3, 7.0), (18.1, 18.3, 18.3), (13.0, 18.3, 7.0)],
+)
+def test_few_points_of_high_storeys_are_enough_where_the_map_goes_on(few_up_to_m, mapped_m, top_m):
+    scene = thin_above(7.0, few_up_to_m)
+    outline = np.array([[0, 0], [10, 0], [10, 9], [0, 9.0]])
+    (plane,) = scene.find([Footprint("h", outline, 0.0, mapped_m)]).planes
+    assert plane.corners_in_world[2, 2] == pytest.approx(top_m, abs=0.15)
+
+
+@pytest.mark.parametrize(("few_up_to_m", "top_m"), [(18.1, 18.2), (13.0, 7.0)])
+def test_few_points_of_high_storeys_are_enough_where_the_wall_beside_goes_on(few_up_to_m, top_m):
+    scene = thin_above(7.0, few_up_to_m)
+    scene.wall((10, 0), (10, 12), 0.2, 18.2, scene.camera_row((22, -3), (22, 14), 10), per_m2=60)
+    planes = by_offset(scene.find(), 1, -1)
+    assert planes[0].corners_in_world[2, 2] == pytest.approx(top_m, abs=0.2)
+
+
+def thin_above(dense_up_to_m, few_up_to_m):
+    """A wall of 10 m with many points below and few above, seen by a row of photos before it."""
     scene = Scene(7)
     cameras = scene.camera_row((-4, -12), (14, -12), 10)
-    scene.wall((0, 0), (10, 0), 0.2, 7.0, cameras, per_m2=60)
-    if points_per_m2:
-        scene.wall((0, 0), (10, 0), 7.0, 10.1, cameras, per_m2=points_per_m2, frames=False)
-    outline = np.array([[0, 0], [10, 0], [10, 9], [0, 9.0]])
-    (plane,) = scene.find([Footprint("h", outline, 0.0, 10.3)]).planes
-    assert plane.corners_in_world[2, 2] == pytest.approx(top_m, abs=0.15)
+    scene.wall((0, 0), (10, 0), 0.2, dense_up_to_m, cameras, per_m2=60)
+    if few_up_to_m > dense_up_to_m:
+        scene.wall((0, 0), (10, 0), dense_up_to_m, few_up_to_m, cameras, per_m2=1.2, frames=False)
+    return scene
 
 
 def test_a_map_that_gives_the_ridge_is_not_believed():

@@ -15,7 +15,7 @@ import numpy as np
 from si3fp.camera2d.edge_walls import EdgeWall, assign_to_edges
 from si3fp.camera2d.facade_plane import FacadePlane
 from si3fp.camera2d.wall_ends import Side, regularised, wall_ends
-from si3fp.camera2d.wall_heights import eaves_z, ground_z
+from si3fp.camera2d.wall_heights import eaves_z, ground_z, reaches
 from si3fp.camera2d.wall_points import WallPoints, select_wall_points
 from si3fp.camera2d.wall_runs import WallRun, find_walls
 from si3fp.config import PlaneConfig
@@ -25,9 +25,6 @@ from si3fp.model import Footprint, Missing, Photo, SparsePoints
 
 _MIN_SIGHTS = 5  # points of a wall that a photo must have seen
 _PLAIN_M = 2.5  # a wall may go on so far above its points; higher, the map means the roof
-_THIN_M = 4.0  # and so far where single points of it go on up to what the map says
-_THIN_POINTS = 10
-_THIN_SPREAD = 0.15  # of the wall's width, their standard deviation along it; not a chimney
 _MENTIONED_M = 1.0  # narrower pieces of wall are not worth a word
 
 
@@ -229,20 +226,10 @@ def _heights(wall: _Wall, footprint: Footprint, points: WallPoints) -> tuple[Sid
     if footprint.height_m is not None:
         mapped = ground.at_m + footprint.height_m
         above_m = mapped - eaves.at_m
-        goes_on = above_m <= _PLAIN_M or _reaches(wall, mapped, points)
+        goes_on = above_m <= _PLAIN_M or reaches(wall.run, points, eaves.at_m, mapped)
         if above_m > 0 and goes_on and "cornice" not in eaves.rests_on:
             eaves = Side(mapped, f"the map, {mapped - eaves.at_m:.1f} m above {eaves.rests_on}")
     return ground, eaves
-
-
-def _reaches(wall: _Wall, top_m: float, points: WallPoints) -> bool:
-    """Whether a wall has points, few but all along it, in the upper half of what is below a top."""
-    if top_m - wall.eaves.at_m > _THIN_M:
-        return False
-    on_wall = points.points_in_world[wall.run.members]
-    above = on_wall[:, 2] > (wall.eaves.at_m + top_m) / 2
-    along, _ = wall.run.line.coordinates(on_wall[above]).T
-    return len(along) >= _THIN_POINTS and bool(np.std(along) >= _THIN_SPREAD * wall.width_m)
 
 
 def _plane(

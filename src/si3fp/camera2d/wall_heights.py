@@ -28,6 +28,9 @@ _FEW = 4
 _BESIDE_M = 3.0  # walls that end so near one another are of one building
 _MIN_GABLE_M, _MAX_GABLE_M = 1.0, 2.5  # dense rows of a gable above the cornice of its neighbour
 _SAME_EAVES_M = 1.2  # points of a plain wall end so far below its eaves
+_NEAR_TOP_M = 2.5  # and any way below where its points are few, but go on up to here
+_THIN_POINTS = 10
+_THIN_SPREAD = 0.15  # of the wall's width, their standard deviation along it; not a chimney
 _AS_WIDE = 0.5  # share of a wall's width that its neighbour must have to know better
 
 
@@ -53,8 +56,8 @@ def eaves_z(runs: Sequence[WallRun], points: WallPoints, config: PlaneConfig) ->
     A cornice or gutter is a row of points before the wall along half of it or more, with at most a
     gable above it. The points of roofs do not count: they lie behind the wall. Where a wall has no
     cornice of its own, that of the wall beside it goes on if only a gable is above, and a plain
-    wall whose points end a little lower than those of a wide wall of the same building has the
-    same eaves.
+    wall whose points end a little lower than those of a wide wall of the same building, or get few
+    and go on up to its eaves, has the same eaves.
     """
     profiles = [_profile(run, points, config) for run in runs]
     own = [_own_eaves(profile) for profile in profiles]
@@ -65,10 +68,23 @@ def eaves_z(runs: Sequence[WallRun], points: WallPoints, config: PlaneConfig) ->
         turned.append(_under_gable(own[number], profile, [own[n] for n in wide]))
     eaves = []
     for number, run in enumerate(runs):
-        near = _reached(number, beside)
-        wide = [n for n in near if runs[n].width_m >= _AS_WIDE * run.width_m]
-        eaves.append(_as_others(turned[number], [turned[n] for n in wide]))
+        side, near = turned[number], _reached(number, beside)
+        others = [turned[n].at_m for n in near if runs[n].width_m >= _AS_WIDE * run.width_m]
+        eaves.append(_as_others(side, run, points, others))
     return eaves
+
+
+def reaches(run: WallRun, points: WallPoints, from_z: float, top_z: float) -> bool:
+    """Whether a wall whose dense rows of points end at a height goes on up to a higher top.
+
+    It does where points, few but all along it, lie right below the top: the upper storeys of a
+    tower are seen at a slant and match seldom. A chimney, the tip of a gable and the half of a wall
+    that is higher than the rest are narrower.
+    """
+    on_wall = points.points_in_world[run.members]
+    near = on_wall[:, 2] > top_z - min(_NEAR_TOP_M, (top_z - from_z) / 2)
+    along, _ = run.line.coordinates(on_wall[near]).T
+    return len(along) >= _THIN_POINTS and bool(np.std(along) >= _THIN_SPREAD * run.width_m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,11 +171,16 @@ def _under_gable(side: Side, profile: _Profile, neighbours: Sequence[Side]) -> S
     return side
 
 
-def _as_others(side: Side, others: Sequence[Side]) -> Side:
-    """The eaves of other walls of the building a little higher, else the side itself."""
+def _as_others(side: Side, run: WallRun, points: WallPoints, others: Sequence[float]) -> Side:
+    """The eaves of other walls of the building where this one goes on to them, else the side."""
     if side.rests_on != "points":
         return side
-    higher = [other.at_m for other in others if 0 < other.at_m - side.at_m <= _SAME_EAVES_M]
+    higher = [
+        z
+        for z in others
+        if 0 < z - side.at_m <= _SAME_EAVES_M
+        or (z > side.at_m and reaches(run, points, side.at_m, z))
+    ]
     if not higher:
         return side
     gap_m = max(higher) - side.at_m
