@@ -305,6 +305,23 @@ def test_facades_are_named_after_footprint_edges():
         assert any(note.startswith("footprint: 0.0") for note in plane.notes)
 
 
+@pytest.mark.parametrize(("seen_to_m", "found"), [(11.8, True), (11.1, False)])
+def test_a_strip_of_a_wall_is_enough_where_the_map_has_an_edge(seen_to_m, found):
+    scene = Scene(2)
+    cameras = scene.camera_row((-3, -14), (29, -14), 17)
+    scene.wall((0, -2), (10, -2), 0.2, 9.0, cameras)
+    scene.wall((10.1, 0), (seen_to_m, 0), 0.2, 9.0, cameras, per_m2=15)
+    scene.wall((14, -2), (26, -2), 0.2, 9.0, cameras)
+    scene.wall((18, -2.9), (19.8, -2.9), 0.2, 9.0, cameras, per_m2=15)  # a pier
+    outline = [[0, -2], [10, -2], [10, 0], [14, 0], [14, -2], [26, -2], [26, 9], [0, 9.0]]
+    result = scene.find([Footprint("h", np.array(outline), 0.0, 9.0)])
+    at_strip = [plane for plane in result.planes if plane.edge_index == 2]
+    assert [plane.width_m for plane in at_strip] == [pytest.approx(4.0, abs=0.3)] * found
+    others = [plane for plane in result.planes if plane.edge_index != 2]
+    assert all(plane.corners_in_world[0, 1] == pytest.approx(-2, abs=0.1) for plane in others)
+    assert all(line.endswith("narrower than 2.5 m.") for line in result.left_out)
+
+
 def test_planes_of_one_edge_of_a_coarse_map():
     coarse = Footprint("block", np.array([[0, -0.2], [26, -0.2], [26, 10], [0, 10.0]]))
     found = south_front().find([coarse])

@@ -13,6 +13,7 @@ from si3fp.config import PlaneConfig
 from si3fp.geometry.rigid import FloatArray
 from si3fp.model import Footprint
 
+_NARROW_SHARE = 1 / 3  # of an edge, that a wall too narrow for a facade must stand beside
 _MAP_SIGMA_M = 0.6  # of a footprint's corner; a corner of the points so near is better
 
 
@@ -70,8 +71,10 @@ def assign_to_edges(
     A wall stands on an edge that faces the same way within `PlaneConfig.edge_angle_deg`, runs
     within `PlaneConfig.edge_offset_m` of it and beside at least half of it or of
     `PlaneConfig.min_width_m`. A wall in front of several edges is cut at their ends; of edges
-    beside the same part the nearest has it. The outermost walls of an edge reach its corners,
-    unless the walls themselves have a corner as near as maps are right.
+    beside the same part the nearest has it. A wall narrower than `PlaneConfig.min_width_m` is a
+    return or a pier, unless it is all that was seen of a wider edge: a third of it or more. The
+    outermost walls of an edge reach its corners, unless the walls themselves have a corner as near
+    as maps are right.
     """
     edges = [
         _Edge(footprint, index, start, end)
@@ -80,18 +83,33 @@ def assign_to_edges(
     ]
     by_edge: dict[int, list[EdgePiece]] = {}
     homeless = []
-    for number, wall in enumerate(walls):
-        found = _edges_of(wall, edges, config)
+    narrow = [wall.right.at_m - wall.left.at_m < config.min_width_m for wall in walls]
+    bare = set(range(len(edges)))
+    for number in np.argsort(narrow, kind="stable").tolist():
+        found = _edges_of(walls[number], edges, config)
+        if narrow[number]:
+            found = [each for each in found if each[0] in bare and _shows(each, edges, config)]
+        else:
+            bare -= {index for index, _, _ in found}
         if not found:
             homeless.append(number)
         for index, left_m, right_m in found:
-            piece = _cut(number, wall, edges[index], left_m, right_m)
+            piece = _cut(number, walls[number], edges[index], left_m, right_m)
             by_edge.setdefault(index, []).append(piece)
     pieces = []
     for index in sorted(by_edge):
         own = _to_corners(by_edge[index], walls, edges[index])
         pieces += sorted(own, key=lambda piece: -piece.width_m)
     return pieces, homeless
+
+
+def _shows(
+    found: tuple[int, float, float], edges: Sequence[_Edge], config: PlaneConfig
+) -> bool:
+    """Whether part of a narrow wall is enough of an edge that is long enough for a facade."""
+    index, left_m, right_m = found
+    length_m = float(np.hypot(*(edges[index].end - edges[index].start)))
+    return length_m >= config.min_width_m and right_m - left_m >= _NARROW_SHARE * length_m
 
 
 def _edges_of(

@@ -79,12 +79,14 @@ def find_facades(
     chosen = select_wall_points(photos, points, config)
     runs = regularised(find_walls(chosen, config), config)
     ends = wall_ends(runs, config)
-    walls, left_out = [], []
+    walls: list[_Wall] = []
+    narrow: list[_Wall] = []
+    left_out: list[str] = []
     for run, sides, eaves in zip(runs, ends, eaves_z(runs, chosen, config), strict=True):
         wall = _Wall(run, *sides, ground_z(run, chosen, config), eaves)
         reason = _why_not(wall, chosen, config)
         if not reason:
-            walls.append(wall)
+            (walls if wall.width_m >= config.min_width_m else narrow).append(wall)
         elif wall.width_m >= _MENTIONED_M:
             left_out.append(f"{wall}: {reason}")
     if not walls:
@@ -94,8 +96,9 @@ def find_facades(
             "from more places, and check scale and vertical."
         )
     if not footprints:
+        left_out += _too_narrow(narrow, config)
         return FoundFacades(_named_by_bearing(walls, chosen), (), tuple(left_out))
-    planes, missing, others = _named_by_edge(walls, footprints, chosen, config)
+    planes, missing, others = _named_by_edge(walls, narrow, footprints, chosen, config)
     return FoundFacades(planes, missing, (*left_out, *others))
 
 
@@ -131,7 +134,7 @@ class _Wall:
 
 
 def _why_not(wall: _Wall, points: WallPoints, config: PlaneConfig) -> str:
-    """Why a wall is no facade, empty if it is one."""
+    """Why a wall is no facade, however wide, empty if it is one."""
     run = wall.run
     views = points.views_of(run.members)
     looking = len(_looking(run, points))
@@ -140,7 +143,6 @@ def _why_not(wall: _Wall, points: WallPoints, config: PlaneConfig) -> str:
     bottom_m = float(np.quantile(points.points_in_world[run.members, 2], 0.02)) - wall.ground.at_m
     count = len(run.members)
     reasons = (
-        (wall.width_m < config.min_width_m, f"narrower than {config.min_width_m:g} m."),
         (wall.height_m < config.min_height_m, f"lower than {config.min_height_m:g} m."),
         (
             count < config.min_points,
@@ -160,6 +162,12 @@ def _why_not(wall: _Wall, points: WallPoints, config: PlaneConfig) -> str:
         ),
     )
     return next((reason for holds, reason in reasons if holds), "")
+
+
+def _too_narrow(walls: Sequence[_Wall], config: PlaneConfig) -> list[str]:
+    """What is said of walls too narrow to be facades."""
+    mentioned = [wall for wall in walls if wall.width_m >= _MENTIONED_M]
+    return [f"{wall}: narrower than {config.min_width_m:g} m." for wall in mentioned]
 
 
 def _looking(run: WallRun, points: WallPoints) -> list[int]:
@@ -182,20 +190,27 @@ def _named_by_bearing(walls: Sequence[_Wall], points: WallPoints) -> tuple[Facad
 
 
 def _named_by_edge(
-    walls: Sequence[_Wall], footprints: Sequence[Footprint], points: WallPoints, config: PlaneConfig
+    walls: Sequence[_Wall],
+    narrow: Sequence[_Wall],
+    footprints: Sequence[Footprint],
+    points: WallPoints,
+    config: PlaneConfig,
 ) -> tuple[tuple[FacadePlane, ...], tuple[Missing, ...], list[str]]:
-    candidates = [EdgeWall(wall.run.line, wall.left, wall.right) for wall in walls]
+    found = [*walls, *narrow]
+    candidates = [EdgeWall(wall.run.line, wall.left, wall.right) for wall in found]
     pieces, homeless = assign_to_edges(candidates, footprints, config)
     if not pieces:
         raise ReconstructionError(
-            f"None of the {len(walls)} walls found lies on a footprint edge within "
+            f"None of the {len(found)} walls found lies on a footprint edge within "
             f"{config.edge_offset_m:g} m and {config.edge_angle_deg:g} degrees. Check that the "
             "footprints are of the buildings photographed and that position and north are right."
         )
     left_out = [
         f"{walls[index]}: no footprint edge within {config.edge_offset_m:g} m faces this way."
         for index in homeless
+        if index < len(walls)
     ]
+    left_out += _too_narrow([found[i] for i in homeless if i >= len(walls)], config)
     planes, missing = [], []
     seen = {piece.footprint.id for piece in pieces}
     for footprint in footprints:
@@ -208,7 +223,7 @@ def _named_by_edge(
             if not own and np.hypot(*(end - start)) >= config.min_width_m:
                 missing.append(Missing(name, "coverage", "no points of a wall lie on this edge"))
             for number, piece in enumerate(own, start=1):
-                wall = walls[piece.wall]
+                wall = found[piece.wall]
                 ground, eaves = _heights(wall, footprint, points)
                 cut = _Wall(wall.run, piece.left, piece.right, ground, eaves)
                 suffix = f".{number}" if number > 1 else ""
