@@ -103,9 +103,7 @@ def assign_to_edges(
     return pieces, homeless
 
 
-def _shows(
-    found: tuple[int, float, float], edges: Sequence[_Edge], config: PlaneConfig
-) -> bool:
+def _shows(found: tuple[int, float, float], edges: Sequence[_Edge], config: PlaneConfig) -> bool:
     """Whether part of a narrow wall is enough of an edge that is long enough for a facade."""
     index, left_m, right_m = found
     length_m = float(np.hypot(*(edges[index].end - edges[index].start)))
