@@ -33,7 +33,8 @@ DEPTHS_M = np.arange(0.0, 2.41, 0.1)
 LEAST_DEPTH_M = 0.6
 """Loggias are at least so deep: one can stand in them."""
 LEAST_RISE = 0.5
-"""Agreement at the depth of the back wall rises above its low tenth by this share of itself."""
+"""Agreement at the depth of the back wall rises above its low tenth by this share of itself, or
+of what the low tenth leaves to full agreement: rails and slabs agree somewhat at every depth."""
 JAMB_M = 0.1
 """Left out inside the border of a loggia's opening."""
 NEAR_M = 0.5
@@ -132,17 +133,20 @@ def _depth(
     scale = min(1.0, m_per_px / config.recess_m_per_px)
     step_m = m_per_px / scale
     prepared = [prepared_view(v, cameras_in_facade[v.source], m_per_px, scale) for v in chosen]
-    total = np.zeros(len(DEPTHS_M))
+    curves = []
     for box in openings_px * scale:
         hole = box + JAMB_M / step_m * np.array([1, 1, -1, -1])
         seeing = views_of(box, prepared, step_m, config)
         curve = [agreement(seeing, box, hole, d / step_m, in_hole=True) for d in DEPTHS_M]
-        total += curve if np.isfinite(curve).all() else 0.0
-    best = int(total.argmax())
-    rise = total[best] - np.quantile(total, 0.1)
-    if best == len(total) - 1 or DEPTHS_M[best] < LEAST_DEPTH_M or rise <= LEAST_RISE * total[best]:
+        if np.isfinite(curve).all():
+            curves.append(curve)
+    if not curves:
         return None
-    return float(DEPTHS_M[best])
+    mean = np.mean(curves, axis=0)
+    best, low = int(mean.argmax()), float(np.quantile(mean, 0.1))
+    clear = mean[best] - low > LEAST_RISE * min(mean[best], 1 - low)
+    deep = DEPTHS_M[best] >= LEAST_DEPTH_M and best < len(DEPTHS_M) - 1
+    return float(DEPTHS_M[best]) if clear and deep else None
 
 
 def on_back_walls(
