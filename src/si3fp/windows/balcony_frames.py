@@ -19,6 +19,7 @@ from si3fp.geometry.rigid import FloatArray
 from si3fp.model import OrthoImage, Window
 from si3fp.windows.balcony_columns import SAME_SPAN, BalconyColumn
 from si3fp.windows.balcony_openings import DOOR_M, HIGHEST_DOOR_M, SLAB_M, door_foot, span_iou
+from si3fp.windows.balcony_posts import door_by_posts
 from si3fp.windows.measure import BALCONY_DOOR_HEIGHT_M
 from si3fp.windows.regular import edges_of
 
@@ -46,7 +47,8 @@ NEAR_M, SAME_HEAD_M = 0.2, 0.3
 """Sides of one column, and heads of one storey, lie no farther apart as they show."""
 LEAST_ROW = 2  # windows that tell the sill of a storey
 BINS = 64
-TOLD = "door and window in one frame, as the wall below the sill shows"
+BY_SILL = "door and window in one frame, as the wall below the sill shows"
+BY_POSTS = "door and window in one frame, as the panes above the rail show"
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +65,8 @@ class SharedFrame:
         Whether the door is on the left.
     slabs_m
         Where the undersides of the balconies meet the wall, as far as known, from below.
+    told
+        What told the door, in words.
     """
 
     left_m: float
@@ -70,6 +74,7 @@ class SharedFrame:
     door_m: float
     door_left: bool
     slabs_m: tuple[float, ...]
+    told: str = BY_SILL
 
 
 def shared_frames(
@@ -111,10 +116,15 @@ def shared_frames(
         if high > LEAST_CONTRAST and high > CLEARER * low:
             weights = votes[best].max(axis=(1, 2)) ** 2
             left, right = np.average(wide[best][:, [0, 2]], axis=0, weights=weights).tolist()
-            told.append((left * step_m, right * step_m, vote))
+            told.append((left * step_m, right * step_m, vote, BY_SILL))
+        elif door := door_by_posts(wide[column], lab, step_m):
+            vote = np.zeros((2, len(WIDTHS_M)))
+            vote[0 if door[0] else 1, np.abs(WIDTHS_M - door[1]).argmin()] = 1.0
+            left, right = np.median(wide[column][:, [0, 2]], axis=0).tolist()
+            told.append((left * step_m, right * step_m, vote, BY_POSTS))
     frames = []
-    for left, right, vote in told:
-        alike = [other for a, b, other in told if abs((b - a) - (right - left)) < NEAR_M]
+    for left, right, vote, how in told:
+        alike = [other for a, b, other, _ in told if abs((b - a) - (right - left)) < NEAR_M]
         width = float(WIDTHS_M[np.sum([each.max(axis=0) for each in alike], axis=0).argmax()])
         slabs = [
             column.slabs_m.tolist()
@@ -122,7 +132,9 @@ def shared_frames(
             if column.left_m < (left + right) / 2 < column.right_m
         ]
         door_left = bool(vote[0].max() > vote[1].max())
-        frames.append(SharedFrame(left, right, width, door_left, tuple(slabs[0] if slabs else ())))
+        frames.append(
+            SharedFrame(left, right, width, door_left, tuple(slabs[0] if slabs else ()), how)
+        )
     return tuple(frames)
 
 
@@ -150,7 +162,7 @@ def parted(windows: Sequence[Window], frames: Sequence[SharedFrame]) -> tuple[Wi
         sill = _sill_of_row(edges, edges_m)
         sill = window.y_m if sill is None else sill
         sigma = window.edge_sigma_m
-        told = replace(window, evidence=f"{window.evidence}; {TOLD}")
+        told = replace(window, evidence=f"{window.evidence}; {mine[0].told}")
         result += [
             replace(
                 told,
