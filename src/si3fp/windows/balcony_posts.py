@@ -22,7 +22,11 @@ NARROWER_M = 0.08
 """Of two panes, one each of a door and a window, the door's is narrower by so much or more."""
 HEAD_M = (0.12, 0.9)
 """What shows above a rail lies so far below the heads."""
-BESIDE_M = 0.1
+BELOW_M, BESIDE_M = (0.1, 0.35), (0.16, 0.4)
+"""Where below and beside what shows of a frame the front is told from the wall."""
+LEAST_CONTRAST = 14.0
+"""How far the front differs from the wall, at least; in 8-bit CIE Lab."""
+SAME_SIDE_M = 0.1
 """Sides of one column lie no farther apart."""
 SMOOTH_M = 0.12
 LEAST_PANE_M = 0.12
@@ -46,15 +50,19 @@ def door_by_posts(
 
     Notes
     -----
+    It must be a frame behind a front: what shows below it is not the wall that shows beside it.
     Storeys differ in curtains and reflections, not in posts: their mean decides. The pane at one
     end must be as wide as a door, and that at the other not. Where both are, of two panes the
     narrower is the door, and more panes do not tell.
     """
+    contrasts = [_contrast_below(box, lab, m_per_px) for box in boxes_px]
+    if len(boxes_px) < LEAST_BOXES or np.median(contrasts) < LEAST_CONTRAST:
+        return None
     left, right = np.median(boxes_px[:, [0, 2]], axis=0)
     off_m = np.abs(boxes_px[:, [0, 2]] - [left, right]).max(axis=1) * m_per_px
     changes = [
         change
-        for box in boxes_px[off_m < BESIDE_M]
+        for box in boxes_px[off_m < SAME_SIDE_M]
         if (change := _changes(box, (round(left), round(right)), lab, m_per_px)) is not None
     ]
     if len(changes) < LEAST_BOXES:
@@ -71,6 +79,23 @@ def door_by_posts(
         return None
     door = int(np.where(fits, ends_m, np.inf).argmin())
     return door == 0, float(ends_m[door])
+
+
+def _contrast_below(box_px: FloatArray, lab: FloatArray, m_per_px: float) -> float:
+    """How far the colour below a box differs from that beside it; 0 where the picture ends."""
+    left, top, right, bottom = box_px
+
+    def colours(x: tuple[float, float], y: tuple[float, float]) -> FloatArray:
+        (x0, x1), (y0, y1) = ([max(round(each), 0) for each in pair] for pair in (x, y))
+        return np.asarray(lab[y0:y1, x0:x1].reshape(-1, 3))
+
+    near, far = (each / m_per_px for each in BESIDE_M)
+    sides = ((left - far, left - near), (right + near, right + far))
+    beside = np.concatenate([colours(side, (top, bottom)) for side in sides])
+    below = colours((left, right), (bottom + BELOW_M[0] / m_per_px, bottom + BELOW_M[1] / m_per_px))
+    if not len(beside) or not len(below):
+        return 0.0
+    return float(np.linalg.norm(np.median(below, axis=0) - np.median(beside, axis=0)))
 
 
 def _changes(
