@@ -2,7 +2,8 @@
 
 A balcony can be walked onto. Where what opens onto it is too wide for a door and no door stands
 beside it, it is a door and a window in one frame. Where the door is, the picture tells below the
-sill: the door goes on there, beside it is wall (docs/decisions/0019-what-slabs-hide.md).
+sill (``balcony_sills``) or, where a front hides that, above its rail (``balcony_posts``); columns
+of one width agree on the door's (docs/decisions/0019-what-slabs-hide.md).
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from si3fp.model import OrthoImage, Window
 from si3fp.windows.balcony_columns import SAME_SPAN, BalconyColumn
 from si3fp.windows.balcony_openings import DOOR_M, HIGHEST_DOOR_M, SLAB_M, door_foot, span_iou
 from si3fp.windows.balcony_posts import door_by_posts
+from si3fp.windows.balcony_sills import WIDTHS_M, sill_of_row, votes_by_sill
 from si3fp.windows.measure import BALCONY_DOOR_HEIGHT_M
 from si3fp.windows.regular import edges_of
 
@@ -27,26 +29,12 @@ WIDTH_M = (1.35, 3.2)
 """Width of a door with a window in one frame; what is narrower may be a door of two leaves."""
 HEIGHT_M = (0.5, 2.4)
 """Height of it, as far as it shows."""
-WIDTHS_M = np.arange(0.7, 1.051, 0.05)
-"""Width of doors of one leaf."""
-LEAST_WINDOW_M = 0.5
-"""Width of the window beside it."""
-SILL_M = (0.9, 1.7)
-"""Sills lie so far below the heads."""
-BELOW_SILL_M = (0.1, 0.65)
-"""Where below a sill the door is told from the wall."""
-BESIDE_M = (0.16, 0.4)
-"""Where beside the frame the wall is looked at, at the same height: behind the same bars."""
-MOST_CONTRAST = 40.0
-"""A storey says no more; in 8-bit CIE Lab."""
 BEST = 2
 """Storeys of a column whose mean counts: those that show the door best."""
 LEAST_CONTRAST, CLEARER = 14.0, 2.0
 """How far the door stands out there, at least, and by what factor more than on the other side."""
-NEAR_M, SAME_HEAD_M = 0.2, 0.3
-"""Sides of one column, and heads of one storey, lie no farther apart as they show."""
-LEAST_ROW = 2  # windows that tell the sill of a storey
-BINS = 64
+NEAR_M = 0.2
+"""Sides of one column lie no farther apart as they show."""
 BY_SILL = "door and window in one frame, as the wall below the sill shows"
 BY_POSTS = "door and window in one frame, as the panes above the rail show"
 
@@ -106,7 +94,7 @@ def shared_frames(
     step_m = grid.m_per_px
     wide = boxes_px[at_balcony & _holds_two(boxes_px, step_m)]
     lab = cv2.cvtColor(image.rgb, cv2.COLOR_RGB2LAB).astype(np.float64)
-    votes = np.array([_votes(box, boxes_px, lab, image.valid, step_m) for box in wide])
+    votes = np.array([votes_by_sill(box, boxes_px, lab, image.valid, step_m) for box in wide])
     votes = votes.reshape(-1, 2, len(WIDTHS_M))
     told = []
     for column in _columns(wide):
@@ -159,7 +147,7 @@ def parted(windows: Sequence[Window], frames: Sequence[SharedFrame]) -> tuple[Wi
         post = left + mine[0].door_m if mine[0].door_left else right - mine[0].door_m
         sides = [(left, post), (post, right)]
         (d_left, d_right), (w_left, w_right) = sides if mine[0].door_left else sides[::-1]
-        sill = _sill_of_row(edges, edges_m)
+        sill = sill_of_row(edges, edges_m)
         sill = window.y_m if sill is None else sill
         sigma = window.edge_sigma_m
         told = replace(window, evidence=f"{window.evidence}; {mine[0].told}")
@@ -212,14 +200,6 @@ def _same_span(edges_m: FloatArray, frame: SharedFrame) -> bool:
     return span_iou(edges_m[:2], (frame.left_m, frame.right_m)) > SAME_SPAN
 
 
-def _sill_of_row(edges_m: FloatArray, others_m: FloatArray) -> float | None:
-    """Sill that the windows (N, 4) of an opening's (4,) storey share; None if less than two do."""
-    heights_m = others_m[:, 3] - others_m[:, 2]
-    row = np.abs(others_m[:, 3] - edges_m[3]) < SAME_HEAD_M
-    row &= (heights_m > SILL_M[0]) & (heights_m < SILL_M[1]) & (others_m != edges_m).any(axis=1)
-    return float(np.median(others_m[row, 2])) if row.sum() >= LEAST_ROW else None
-
-
 def _holds_two(boxes_px: FloatArray, m_per_px: float) -> NDArray[np.bool_]:
     """(N,) which openings are as large as a door with a window."""
     width_m, height_m = ((boxes_px[:, 2:] - boxes_px[:, :2]) * m_per_px).T
@@ -238,66 +218,3 @@ def _columns(boxes_px: FloatArray) -> list[NDArray[np.intp]]:
             free &= ~mine
             columns.append(np.flatnonzero(mine))
     return columns
-
-
-def _votes(
-    box: FloatArray,
-    boxes_px: FloatArray,
-    lab: FloatArray,
-    valid: NDArray[np.bool_],
-    m_per_px: float,
-) -> FloatArray:
-    """(2, widths) how much more the door's part below the sill differs from the wall.
-
-    First for a door on the left, then on the right; 0 where the picture ends.
-    """
-    upwards = np.array([1, 1, -1, -1]) * m_per_px
-    sill_m = _sill_of_row(box[[0, 2, 3, 1]] * upwards, boxes_px[:, [0, 2, 3, 1]] * upwards)
-    sill = float(box[3]) if sill_m is None else -sill_m / m_per_px
-    profile = _profile(float(box[0]), float(box[2]), sill, lab, valid, m_per_px)
-    if profile is None:
-        return np.zeros((2, len(WIDTHS_M)))
-    wide_m = float(box[2] - box[0]) * m_per_px
-    return np.array([_steps(profile, wide_m), _steps(profile[::-1], wide_m)])
-
-
-def _profile(
-    left: float,
-    right: float,
-    sill: float,
-    lab: FloatArray,
-    valid: NDArray[np.bool_],
-    m_per_px: float,
-) -> FloatArray | None:
-    """(BINS,) from left to right, how far what is below a sill differs from the wall beside."""
-    rows = slice(*(round(sill + each / m_per_px) for each in BELOW_SILL_M))
-    near, far = (each / m_per_px for each in BESIDE_M)
-    if rows.stop > len(lab):
-        return None
-
-    def colours(first: float, last: float) -> FloatArray:
-        """(W, 3) median colour of each column of pixels."""
-        part = slice(max(round(first), 0), max(round(last), 0))
-        seen = valid[rows, part].mean(axis=0) > 0.5
-        return np.asarray(np.median(lab[rows, part], axis=0)[seen])
-
-    wall = np.concatenate([colours(left - far, left - near), colours(right + near, right + far)])
-    inside = colours(left, right)
-    if not len(wall) or len(inside) < BINS // 2:
-        return None
-    off = np.linalg.norm(inside - np.median(wall, axis=0), axis=1).clip(0, MOST_CONTRAST)
-    at = (np.arange(BINS) + 0.5) / BINS * len(off) - 0.5
-    return np.asarray(np.interp(at, np.arange(len(off)), off))
-
-
-def _steps(profile: FloatArray, wide_m: float) -> FloatArray:
-    """(widths,) how far the first part of a profile lies above the rest, by the door's width."""
-    ends = np.round(WIDTHS_M / wide_m * BINS).astype(int)
-    return np.array(
-        [
-            profile[:end].mean() - profile[end:].mean()
-            if wide_m - door_m >= LEAST_WINDOW_M
-            else 0.0
-            for end, door_m in zip(ends, WIDTHS_M, strict=True)
-        ]
-    )
