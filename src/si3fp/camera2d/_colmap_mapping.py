@@ -47,10 +47,10 @@ def mapped(
         )
     say("refinement")
     largest_first = sorted(models.values(), key=lambda model: -int(model.num_reg_images()))
-    return [_refined(model, config) for model in largest_first]
+    return [refined(model, config) for model in largest_first]
 
 
-def _refined(model: Any, config: SfmConfig) -> Any:
+def refined(model: Any, config: SfmConfig) -> Any:
     """The model with all cameras and points adjusted once more, robustly.
 
     The mapper leaves the principal point in the middle of the picture and squares the errors of

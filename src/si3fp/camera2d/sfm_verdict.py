@@ -29,7 +29,7 @@ class SfmModel:
     points
         Number of points.
     error_px
-        Mean reprojection error.
+        Median over the points of their mean reprojection error.
     doubts
         Why it may be wrong, in sentences; none where it agrees with itself.
     """
@@ -87,7 +87,8 @@ def judge(
         ``features`` per photo, ``verified`` triples of two photos and their number of matches,
         ``models`` with ``photos``, ``points``, ``error_px``, ``neighbours``, ``strangers``,
         ``opposed`` and ``contradicts_first``, the largest first; ``set_aside`` pairs of photos
-        whose matches folded the model and were not used.
+        whose matches folded the model and were not used; ``left_out`` photos that were taken out
+        of the first model as they still lay where others belong.
     unreadable
         Photos that the report does not know, and why.
     models_folder
@@ -128,6 +129,12 @@ def judge(
             f"Parts of the building look alike: matches of {len(report['set_aside'])} pairs of "
             f"photos ({pairs}) laid one on another and were set aside. Compare the picture of the "
             "points with the building."
+        )
+    if report.get("left_out"):
+        notes.append(
+            f"{span(names, report['left_out'])} show a part that looks like another one, lay where "
+            "other photos belong and were left out: what only they show is missing. Take more "
+            "photos on the way from one part to the other."
         )
     if 2 * len(models[0].photo_ids) < count:
         notes.append(
@@ -194,7 +201,11 @@ def _lost(
             if photo in (a, b)
         ]
         elsewhere = [n for n, model in enumerate(models) if name in model.photo_ids]
-        if elsewhere:
+        if photo in report.get("left_out", ()):
+            lost[name] = (
+                "lay where other photos belong, as a part of the building looks like another"
+            )
+        elif elsewhere:
             lost[name] = f"is in model {elsewhere[0]}, which is not connected with the first"
         elif features < _FEW_FEATURES:
             lost[name] = (
