@@ -14,6 +14,7 @@ from benchmarks.tables import paper
 from benchmarks.tables.cases import Case, read
 from benchmarks.tables.cells import cell, verdict
 from benchmarks.tables.failures import FOUND_RGB, TRUE_RGB, drawn, worst_facade, write_worst
+from benchmarks.tables.plan import FOUND, MISSING, plan
 from benchmarks.tables.scores import metrics, pooled, scored
 from benchmarks.tables.stages import Stage, read_stage, run_stage
 from benchmarks.tables.tables import BEGIN, END, block, replaced
@@ -289,6 +290,31 @@ def test_the_worst_facade_is_drawn_where_its_windows_are(tmp_path: Path) -> None
     perfect = evaluation(shift_m=0.0)
     perfect["facades"] = [f for f in perfect["facades"] if f["windows"]["f1"] == 1]
     assert worst_facade(perfect) is None
+
+
+def test_the_plan_shows_which_facades_were_found_and_where_the_cameras_stood() -> None:
+    axes = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    content = evaluation()["facades"]
+    truth = {
+        each["facade_id"]: {
+            "width_m": 10.0,
+            "world_from_facade": {
+                "rotation": axes.tolist(),
+                "translation": [0, 10.0 * int(each["facade_id"][-1]), 0],
+            },
+        }
+        for each in content
+    }
+    (drawn_axes,) = plan(content, truth, [[5.0, -8.0, 2.5], [9.0, -8.0, 2.5]], "b1").axes
+    cameras, *walls = drawn_axes.lines
+    assert np.array(cameras.get_data()).T.tolist() == [[5.0, -8.0], [9.0, -8.0]]
+    for each, wall in zip(content, walls, strict=True):
+        north = 10.0 * int(each["facade_id"][-1])
+        assert np.array(wall.get_data()).T.tolist() == [[0.0, north], [10.0, north]]
+        assert wall.get_color() == (FOUND if each["found_id"] else MISSING)
+    assert {wall.get_color() for wall in walls} == {FOUND, MISSING}
+    # Labels stand outside of their walls, here to the south.
+    assert drawn_axes.texts[0].get_position() == (5.0, -4.5)
 
 
 def test_the_command_writes_the_page_and_says_what_failed(

@@ -14,6 +14,7 @@ from pathlib import Path
 from benchmarks.tables.cases import Case, make, read
 from benchmarks.tables.failures import write_worst
 from benchmarks.tables.paper import BUILDINGS
+from benchmarks.tables.plan import write_plan
 from benchmarks.tables.stages import ROOT
 from benchmarks.tables.tables import block, replaced
 
@@ -38,6 +39,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             done = make(case, options.size, options.paths, options.limit_min * 60,
                         again=options.again)  # fmt: skip
         picture = write_worst(done, options.output / "failures")
+        if done.path == "street":
+            write_plan(done, options.output / "failures")
         print(f"{case.label}: {done.problem or 'done'}"
               + (f", {picture}" if picture else ""), file=sys.stderr, flush=True)  # fmt: skip
         cases.append(done)
