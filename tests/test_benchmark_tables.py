@@ -314,7 +314,7 @@ def test_the_plan_shows_which_facades_were_found_and_where_the_cameras_stood() -
         assert wall.get_color() == (FOUND if each["found_id"] else MISSING)
     assert {wall.get_color() for wall in walls} == {FOUND, MISSING}
     # Labels stand outside of their walls, here to the south.
-    assert drawn_axes.texts[0].get_position() == (5.0, -4.5)
+    assert drawn_axes.texts[0].get_position() == (5.0, -4.0)
 
 
 def test_the_command_writes_the_page_and_says_what_failed(

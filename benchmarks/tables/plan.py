@@ -14,7 +14,7 @@ from si3fp.workspace import read_json
 
 Json = Mapping[str, Any]
 FOUND, MISSING, CAMERA = "#28a050", "#eb3232", "#303030"
-ASIDE_M = 4.5
+ASIDE_M = 4.0
 """Labels lie so far outside of their facades."""
 
 
@@ -67,8 +67,10 @@ def plan(
         count = scores["true_positives"] + scores["false_negatives"]
         state = f"{scores['true_positives']} of {count}" if found else f"{count} unseen"
         x_m, y_m, _ = (start + end) / 2 + ASIDE_M * outside
-        axes.text(x_m, y_m, f"{facade['facade_id']}\n{state}", fontsize=8, ha="center", va="center")
+        text = f"{facade['facade_id']}\n{state}"
+        sideways = "left" if outside[0] > 0.5 else "right" if outside[0] < -0.5 else "center"
+        axes.text(x_m, y_m, text, fontsize=8, ha=sideways, va="center")
     axes.set(xlabel="east (m)", ylabel="north (m)")
     axes.set_title(f"{label}: windows found, by facade", fontsize=10)
-    axes.margins(0.12)
+    axes.set(xlim=np.add(axes.get_xlim(), (-10.0, 15.0)))
     return figure
