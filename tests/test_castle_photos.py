@@ -43,7 +43,7 @@ def files(castle):
 
 @pytest.fixture(scope="module")
 def photos_alone(files, tmp_path_factory):
-    """The run as a user starts it, and what structure from motion found in it."""
+    """The run with the radiance field, and what structure from motion found in it."""
     found = []
     real = steps.find_poses
 
@@ -53,7 +53,8 @@ def photos_alone(files, tmp_path_factory):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(steps, "find_poses", noted)
-        return run_photos(files, tmp_path_factory.mktemp("castle") / "RUN"), found[0]
+        out = tmp_path_factory.mktemp("castle") / "RUN"
+        return run_photos(files, out, PhotoConfig(renderer="radiance")), found[0]
 
 
 @pytest.fixture(scope="module")

@@ -137,10 +137,10 @@ def street(
 @click.option("--unscaled", is_flag=True, help="Go on without a scale: ratios and pictures only.")
 @click.option(
     "--renderer",
-    type=click.Choice(["radiance", "mosaic"]),
+    type=click.Choice(["mosaic", "radiance"]),
     default=PhotoConfig().renderer,
     show_default=True,
-    help="A radiance field with depth, or photos blended on the wall's plane.",
+    help="Photos blended on the wall's plane, or a radiance field with depth.",
 )
 @click.option(
     "--mapper",

@@ -357,7 +357,7 @@ class PhotoConfig:
     """The Camera2D path."""
 
     seed: int = 0
-    renderer: str = "radiance"  # or "mosaic": photos blended on the wall's plane
+    renderer: str = "mosaic"  # decision; or "radiance": a field with depth
     sfm: SfmConfig = field(default_factory=SfmConfig)
     world: WorldConfig = field(default_factory=WorldConfig)
     planes: PlaneConfig = field(default_factory=PlaneConfig)
