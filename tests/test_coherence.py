@@ -7,7 +7,13 @@ from dataclasses import replace
 import numpy as np
 from tests.corner import CAMERA, poses
 
-from si3fp.camera2d.coherence import ModelView, agreeing_share, coherence, scales_contradict
+from si3fp.camera2d.coherence import (
+    ModelView,
+    agreeing_share,
+    coherence,
+    scales_contradict,
+    strays,
+)
 from si3fp.camera2d.unfold import displaced, follows
 from si3fp.config import SfmConfig
 from si3fp.geometry.rigid import Rigid3
@@ -65,6 +71,22 @@ def test_the_stretch_of_a_walk_that_was_laid_on_another_is_found():
     )
     expected = {turned[n] for n in range(5, 12)}
     assert moved in (expected, {*turned.values()} - expected)
+
+
+def test_one_stranger_more_is_not_worth_a_cut_through_what_belongs_together():
+    """Photos 5 to 11 lie where 0 to 6 are; a van stands before photo 3, a neighbour of 13."""
+    followed = {(n, n + 1): 100 for n in range(15) if n not in (4, 11)} | {(0, 15): 100}
+    followed |= {(n, n + 5): 40 for n in range(5)}
+    strangers = [(0, 5), (1, 6), (2, 7), (4, 9), (3, 13)]
+    assert displaced(range(16), strangers, followed) == set(range(5))
+    stretch = displaced(range(16), strangers, followed, enough=0.8)
+    assert stretch in (set(range(5, 12)), {*range(5), *range(12, 16)})
+
+
+def test_cameras_far_away_from_all_others_are_strays():
+    around = np.array([[np.cos(t), np.sin(t), 0.0] for t in np.linspace(0, 6, 20)])
+    assert strays(30 * around, 10.0).tolist() == []
+    assert strays(np.vstack([30 * around, [[0, 400.0, 0]], [[0, 250.0, 0]]]), 10.0).tolist() == [20]
 
 
 def test_matches_are_followed_only_at_distances_that_a_photo_sees():

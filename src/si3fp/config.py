@@ -80,6 +80,8 @@ class SfmConfig:
     min_strangers: int = 3  # decision: pairs; one may have a van before the lens
     strangers_of_neighbours: float = 0.05  # decision: least share of the pairs side by side
     most_folds: int = 3  # decision: that are taken apart, one after the other
+    enough_strangers: float = 0.8  # decision: of them, parted by photos that are left out
+    stray: float = 10.0  # decision: a photo so many times farther away than most is misplaced
     agree_share: float = 1 / 600  # decision: of the longer side, error of a match; 4 px in 2400
     strong_matches: int = 100  # decision: two correct models rejected 41 and 21 at most
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pycolmap
 
+from si3fp.camera2d.coherence import strays
 from si3fp.config import SfmConfig
 
 Say = Callable[[str], None]
@@ -47,7 +48,17 @@ def mapped(
         )
     say("refinement")
     largest_first = sorted(models.values(), key=lambda model: -int(model.num_reg_images()))
+    for model in largest_first:
+        _drop_strays(model, config)
     return [refined(model, config) for model in largest_first]
+
+
+def _drop_strays(model: Any, config: SfmConfig) -> None:
+    """Take out photos that were put far away from all others, as false matches can do."""
+    numbers = list(model.reg_image_ids())
+    centres = np.array([model.images[number].projection_center() for number in numbers])
+    for index in strays(centres, config.stray):
+        model.deregister_frame(model.images[numbers[index]].frame_id)
 
 
 def refined(model: Any, config: SfmConfig) -> Any:

@@ -87,7 +87,12 @@ def _without_fold(
             return (refined(smaller, config), tuple(sorted(left_out))) if left_out else (model, ())
         with pycolmap.Database.open(database) as some:
             rays = rays_of(verified_matches(some), smaller)
-        stretch = displaced(sorted(seen.photos), found.strangers, _followed(rays, seen, config))
+        stretch = displaced(
+            sorted(seen.photos),
+            found.strangers,
+            _followed(rays, seen, config),
+            config.enough_strangers,
+        )
         out = min(stretch, seen.photos.keys() - stretch, key=len)
         left_out |= out
         if not out or 2 * len(left_out) > model.num_reg_images():

@@ -218,6 +218,12 @@ def _essential(second_from_first: Rigid3) -> FloatArray:
     return essential
 
 
+def strays(centres: FloatArray, times: float) -> NDArray[np.intp]:
+    """Indices of cameras (N, 3) so many times farther from the middle than most, by medians."""
+    away = np.linalg.norm(centres - np.median(centres, axis=0), axis=1)
+    return np.flatnonzero(away > times * np.median(away))
+
+
 def scales_contradict(model: ModelView, other: ModelView, limit: float = 0.1) -> bool:
     """Whether two reconstructions of some of the same photos differ in more than position and size.
 

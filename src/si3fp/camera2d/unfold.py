@@ -24,7 +24,10 @@ BEYOND = 1.4
 
 
 def displaced(
-    photos: Sequence[int], strangers: Sequence[Pair], followed: Mapping[Pair, int]
+    photos: Sequence[int],
+    strangers: Sequence[Pair],
+    followed: Mapping[Pair, int],
+    enough: float = 1.0,
 ) -> frozenset[int]:
     """The photos of a stretch of the walk that lies where other photos belong; none if none does.
 
@@ -36,6 +39,8 @@ def displaced(
         Pairs that the model puts side by side though they share too little.
     followed
         Number of matches that the model follows, by pair of photos.
+    enough
+        Share of the most strangers that a stretch can part, from which on it may be the one.
 
     Notes
     -----
@@ -47,18 +52,17 @@ def displaced(
     apart = _places(strangers, place)
     linked = _places(followed, place)
     weights = np.array(list(followed.values()), np.float64)
-    best, stretch = (0, 0.0), (0, 0)
-    for first in range(len(photos)):
-        ends = np.arange(first + 1, len(photos) + 1)
-        parted = _parted(apart, first, ends).sum(axis=1)
-        most = int(parted.max())
-        if most < max(best[0], 1):
-            continue
-        ends = ends[parted == most]
-        cost = _parted(linked, first, ends) @ weights
-        if best[0] == 0 or (most, -float(cost.min())) > best:
-            best, stretch = (most, -float(cost.min())), (first, int(ends[cost.argmin()]))
-    return frozenset(photos[slice(*stretch)])
+    ends = np.arange(1, len(photos) + 1)
+    parted = np.zeros((len(photos), len(ends)), np.intp)
+    cost = np.full(parted.shape, np.inf)
+    for start in range(len(photos)):
+        parted[start, start:] = _parted(apart, start, ends[start:]).sum(axis=1)
+        cost[start, start:] = _parted(linked, start, ends[start:]) @ weights
+    if not parted.any():
+        return frozenset()
+    cost[parted < enough * parted.max()] = np.inf
+    first, last = divmod(int(cost.argmin()), len(ends))
+    return frozenset(photos[first : last + 1])
 
 
 def _places(
