@@ -65,26 +65,23 @@ def unfolded(
         again = mapped(attempt, folder, database.parent, config, job["seed"], say)
         if not again or 2 * again[0].num_reg_images() < models[0].num_reg_images():
             break
-        seen, after = _judged(again[0], attempt, job, config)
+        again_seen, after = _judged(again[0], attempt, job, config)
         if 2 * len(after.strangers) > len(found.strangers):
             break
-        models, found, current = again, after, attempt
+        models, seen, found, current = again, again_seen, after, attempt
         lost += parted
     left_out: tuple[int, ...] = ()
     if _folded(found, config):
-        models[0], left_out = _without_fold(models[0], current, job, config)
+        models[0], left_out = _without_fold(models[0], seen, found, current, job, config)
     return Unfolded(models, current, tuple(sorted(set(lost))), left_out)
 
 
 def _without_fold(
-    model: Any, database: Path, job: Job, config: SfmConfig
+    model: Any, seen: ModelView, found: Coherence, database: Path, job: Job, config: SfmConfig
 ) -> tuple[Any, tuple[int, ...]]:
-    """A model without the photos that fold it; as it was where that leaves less than half."""
+    """A folded model without the photos that fold it; unchanged where half would be lost."""
     smaller, left_out = copy.deepcopy(model), set[int]()
-    while True:
-        seen, found = _judged(smaller, database, job, config)
-        if not _folded(found, config):
-            return (refined(smaller, config), tuple(sorted(left_out))) if left_out else (model, ())
+    while _folded(found, config):
         with pycolmap.Database.open(database) as some:
             rays = rays_of(verified_matches(some), smaller)
         stretch = displaced(
@@ -99,6 +96,8 @@ def _without_fold(
             return model, ()
         for photo in out:
             smaller.deregister_frame(photo + 1)
+        seen, found = _judged(smaller, database, job, config)
+    return refined(smaller, config), tuple(sorted(left_out))
 
 
 def _judged(model: Any, database: Path, job: Job, config: SfmConfig) -> tuple[ModelView, Coherence]:
