@@ -13,17 +13,16 @@ import cv2
 import numpy as np
 
 from si3fp.geometry.rigid import FloatArray
+from si3fp.windows.balcony_sills import BESIDE_M, LEAST_WINDOW_M
 
 DOOR_M = (0.7, 1.05)
 """Width of doors of one leaf."""
-LEAST_WINDOW_M = 0.5
-"""Width of the window beside it."""
 NARROWER_M = 0.08
 """Of two panes, one each of a door and a window, the door's is narrower by so much or more."""
 HEAD_M = (0.12, 0.9)
 """What shows above a rail lies so far below the heads."""
-BELOW_M, BESIDE_M = (0.1, 0.35), (0.16, 0.4)
-"""Where below and beside what shows of a frame the front is told from the wall."""
+BELOW_M = (0.1, 0.35)
+"""Where below what shows of a frame the front is told from the wall."""
 LEAST_CONTRAST = 14.0
 """How far the front differs from the wall, at least; in 8-bit CIE Lab."""
 SAME_SIDE_M = 0.1
